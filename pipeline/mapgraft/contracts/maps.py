@@ -1,0 +1,219 @@
+"""Map types: how evidence accumulates, is viewed, encoded, placed in another frame, and taken out again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple, Protocol, Self
+
+from mapgraft.contracts.geometry import Transform
+from mapgraft.contracts.observations import Observation
+
+
+class Region(Protocol):
+    """A set of the map type's finest units (cells, voxels, features). The engine knows only union, minus and len."""
+
+    def union(self, other: Self) -> Self: ...
+    def minus(self, other: Self) -> Self: ...
+    def __len__(self) -> int: ...
+
+
+class Layer(Protocol):
+    """The evidence of one source in that source's own frame: raw, additive, written by one robot only.
+
+    What is inside is the map type's own affair; the engine hands it around and never looks in.
+    """
+
+    @property
+    def map_type(self) -> str: ...
+
+
+class Map(Protocol):
+    """A read-only view computed from layers: what matchers and metrics look at."""
+
+    @property
+    def map_type(self) -> str: ...
+    def known(self) -> int:
+        """How many of the type's finest units are known; 0 means that the map is empty."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class MapMetadata:
+    """What a robot tells about its map before it sends it (a few hundred bytes).
+
+    ``bounds_m`` is (x_min, y_min, x_max, y_max) of what is known, in the map's own frame; ``quality`` in [0, 1] where
+    the type can judge it; ``mapper`` names what made the map (``scans``, ``ready map``); ``can_send`` names what may
+    travel with the layer (``rays``, ``path``, …); ``extra`` holds further plain values that rules may ask for.
+    """
+
+    type: str
+    resolution_m: float | None = None
+    scale_known: bool = True
+    bounds_m: tuple[float, float, float, float] | None = None
+    known_area_m2: float = 0.0
+    observations: int = 0
+    sensor: str = ""
+    mapper: str = "scans"
+    quality: float | None = None
+    can_send: tuple[str, ...] = ()
+    extra: Mapping[str, float | str | bool] = field(default_factory=dict)
+
+
+class Provenance(NamedTuple):
+    """Whose evidence it is, in which life of the robot's map frame, and after how many observations."""
+
+    source: str
+    epoch: int
+    version: int
+
+
+class Donation(NamedTuple):
+    """A donor's layer as it was received, with its provenance."""
+
+    layer: Layer
+    provenance: Provenance
+
+
+Role = Literal["observation", "prior"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contribution:
+    """What the fuser made of a donor's layer: immutable, with everything needed to take it out again.
+
+    ``layer`` is of the receiver's type, in the receiver's frame, and holds the donor's evidence **unweighted**, so
+    that metrics see the donor as it is. ``weights`` and ``fill`` say how it enters the fused view and are the type's
+    own affair: for grids an application count 0–3 per tile, and the cells in which a weight of 0 still fills what the
+    receiver does not know. ``T_receiver_donor`` is in fixed point (``Transform.snapped``), ``resampler`` names the
+    rule that placed the layer, ``region`` the units that the contribution changes in the fused view.
+    """
+
+    provenance: Provenance
+    layer: Layer
+    T_receiver_donor: Transform
+    scale: float
+    resampler: str
+    weights: object
+    fill: Region | None
+    region: Region
+    role: Role = "observation"
+
+
+@dataclass(frozen=True, slots=True)
+class Reset:
+    """What discarding a donor's data in a single map cost: units reset to unknown, units left contaminated."""
+
+    touched: Region
+    cells_reset: int
+    cells_contaminated: int
+
+
+@dataclass(frozen=True, slots=True)
+class Exactness:
+    """The statement of a reversal after a revert.
+
+    ``exact`` means that the robot's map is, bit for bit, what it would be had the merge never happened.
+    ``lost`` counts units of the robot's own or of other standing merges' evidence that went with the revert,
+    ``contaminated`` units that still hold something of the reverted donor.
+    """
+
+    exact: bool
+    cells_reset: int = 0
+    cells_contaminated: int = 0
+    cells_lost: int = 0
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class OutputMessage:
+    """How a viewer sees a map: a ROS 2 message as nested plain values, without its header.
+
+    ``suffix`` ends the topic (``/<robot>/<suffix>``); ``message_type`` is e.g. ``nav_msgs/msg/OccupancyGrid``;
+    ``fields`` maps field names to numbers, strings, arrays, lists or nested mappings. The output fills in ``header``.
+    """
+
+    suffix: str
+    message_type: str
+    fields: Mapping[str, object]
+
+
+class MapType(Protocol):
+    """A kind of map. Keyword-only, defaulted constructor arguments are its parameters (resolution, sensor model, …).
+
+    An instance belongs to one robot. Layers of other instances (other parameters) of the same type may be viewed,
+    encoded and placed, because every layer carries the parameters it was made with.
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    def new_layer(self) -> Layer:
+        """An empty layer with this instance's parameters."""
+        ...
+
+    def integrate(self, layer: Layer, observation: Observation) -> Region:
+        """Add one observation to the one live layer, in place; returns what it touched."""
+        ...
+
+    def view(
+        self,
+        own: Layer | None,
+        contributions: Sequence[Contribution] = (),
+        previous: Map | None = None,
+        touched: Region | None = None,
+    ) -> Map:
+        """The fused map ``own + Σ weighted contributions``, in this instance's parameters.
+
+        Pure. With ``previous`` (an earlier view of the same layers) and ``touched`` (all that has changed since) only
+        that is computed anew, and the result equals a fresh view (a law). ``own`` may be of another resolution than
+        the instance's only when there are no contributions.
+        """
+        ...
+
+    def place(self, layer: Layer, T_receiver_donor: Transform, scale: float = 1.0) -> Layer:
+        """The layer's evidence in the receiver's frame and this instance's resolution, deterministic and unweighted.
+
+        ``T_receiver_donor`` is snapped to fixed point first. Raises EmptyMapError when there is nothing to place.
+        """
+        ...
+
+    def absorb(self, layer: Layer, contribution: Contribution) -> Region:
+        """Bake a contribution into a layer, in place (``single_map``, ``multi_map``); returns the units changed."""
+        ...
+
+    def reset(self, layer: Layer, foreign: Region, keep: Region) -> Reset:
+        """The paper's discard (section 3.2): set ``foreign`` minus ``keep`` to unknown, in place, and count."""
+        ...
+
+    def region(self, layer: Layer) -> Region:
+        """The units about which the layer holds evidence."""
+        ...
+
+    def encode(self, layer: Layer) -> bytes:
+        """Canonical bytes: equal layers give equal bytes."""
+        ...
+
+    def decode(self, data: bytes) -> Layer:
+        """The inverse of ``encode``; raises MapError when the bytes are not a layer of this type."""
+        ...
+
+    def metadata(self, layer: Layer) -> MapMetadata: ...
+
+    def messages(self, map_: Map) -> Iterable[OutputMessage]:
+        """How viewers see the map."""
+        ...
+
+    def files(self, map_: Map, stem: str) -> Mapping[str, bytes]:
+        """The map in its type's usual file format: file name → content, names starting with ``stem``."""
+        ...
+
+
+class Conversion(Protocol):
+    """Turns a layer of one type into a layer of another; counts survive, not only classes.
+
+    ``target`` is the type instance whose parameters (resolution, …) the result must have.
+    """
+
+    def convert(self, layer: Layer, target: MapType) -> Layer: ...
+    def region(self, region: Region, target: MapType) -> Region: ...

@@ -1,0 +1,78 @@
+"""How a plugin presents itself: frozen descriptors with lazy factories, registered through pluggy hooks.
+
+A plugin is a module with ``@hookimpl`` functions and one entry point in the group ``mapgraft``::
+
+    from mapgraft.contracts import Descriptor, hookimpl
+
+    @hookimpl
+    def register_metrics(register):
+        register(Descriptor("overlap", "my_package.overlap:Overlap", "shared area over the smaller area",
+                            accepts=("occupancy_grid",)))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import pluggy
+
+from mapgraft.errors import PluginError
+
+PROJECT = "mapgraft"
+API = (1, 0)
+
+hookspec = pluggy.HookspecMarker(PROJECT)
+hookimpl = pluggy.HookimplMarker(PROJECT)
+
+
+@dataclass(frozen=True, slots=True)
+class Descriptor:
+    """One thing a plugin offers. Nothing of it is imported until the thing is used.
+
+    ``name`` is what rules and configurations say; ``factory`` is ``"module:attribute"``, called with keyword arguments
+    from the configuration; ``summary`` is one line for ``mapgraft plugins list``.
+
+    Further fields by kind:
+
+    ============  =====================================================================================================
+    map types     ``observes``: payload kind → preference; a robot whose map type is not configured gets the type with
+                  the highest preference for what it observes
+    matchers      ``accepts``: the map type of both maps, or (target type, source type)
+    fusers        the same
+    metrics       ``accepts``: the map type of both maps
+    conversions   ``accepts``: the type converted from, ``gives``: the type converted to
+    decoders      ``accepts``: message types (``sensor_msgs/msg/PointCloud2``), ``gives``: the payload kind;
+                  the factory is a function ``decode(message) -> payload``
+    readers       ``accepts``: file suffixes; the factory is a function ``open(path) -> Source``
+    formats       ``accepts``: file suffixes, ``gives``: the payload kind; ``read(path, **options) -> payload``
+    ============  =====================================================================================================
+
+    ``requires`` names modules that must be importable and ``extra`` the extra that installs them; where one is missing
+    the descriptor is listed with what to install. ``api`` is the version of this contract it was written for.
+    """
+
+    name: str
+    factory: str
+    summary: str
+    accepts: tuple[str, ...] = ()
+    gives: str = ""
+    observes: Mapping[str, int] = field(default_factory=dict)
+    requires: tuple[str, ...] = ()
+    extra: str = ""
+    api: tuple[int, int] = API
+
+    def __post_init__(self) -> None:
+        if not self.name or not self.name.replace("_", "").replace(".", "").replace("-", "").isalnum():
+            raise PluginError(f"a plugin's name must be letters, digits, '_', '-' and '.', found {self.name!r}")
+        if self.factory.count(":") != 1:
+            raise PluginError(f"the factory of {self.name!r} must be 'module:attribute', found {self.factory!r}")
+        if self.api[0] != API[0]:
+            raise PluginError(
+                f"{self.name!r} was written for contract {self.api[0]}.{self.api[1]}, this is {API[0]}.{API[1]}: "
+                "update the plugin"
+            )
+
+
+Register = Callable[[Descriptor], None]
+RegisterRules = Callable[[str, str], None]  # (name of the table, its YAML text)

@@ -1,0 +1,108 @@
+"""Measuring a merge while mapping goes on, and judging it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+from mapgraft.contracts.geometry import Transform
+from mapgraft.contracts.maps import Layer, Map, MapType, Region
+from mapgraft.contracts.observations import Observation
+
+
+class Comparison(Protocol):
+    """What metrics see of one candidate or one merge. All properties are as of now, not as of the start.
+
+    ``target`` is the receiver's own map before a merge and, after it, what the reversal hands out: the own map with
+    ``ledger`` and ``multi_map``, the merged map with ``single_map``, exactly as the paper compares them. ``donor`` is
+    the donor's map alone, unweighted, placed in the receiver's frame. ``subject`` tells which of the two target is.
+    """
+
+    @property
+    def map_type(self) -> MapType: ...
+    @property
+    def target(self) -> Map: ...
+    @property
+    def donor(self) -> Map: ...
+    @property
+    def target_layer(self) -> Layer: ...
+    @property
+    def donor_layer(self) -> Layer:
+        """The donor's layer in the receiver's frame and type (``Contribution.layer``)."""
+        ...
+
+    @property
+    def T_receiver_donor(self) -> Transform: ...
+    @property
+    def subject(self) -> Literal["own", "merged"]: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What has happened since the tracker's last update.
+
+    ``touched`` is None at the first update and when everything may have changed.
+    """
+
+    touched: Region | None = None
+    observations: Sequence[Observation] = ()
+    donor_changed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """One value of one metric: NaN when there is too little to measure.
+
+    ``support`` is how much it rests on (cells, beams, …) and ``better`` which way it should go; ``details`` holds
+    further named values (variants, parts, the same in another unit).
+    """
+
+    name: str
+    value: float
+    unit: str
+    support: int
+    better: Literal["higher", "lower"]
+    details: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def sufficient(self) -> bool:
+        return not math.isnan(self.value)
+
+
+Measurements = Mapping[str, Measurement]  # metric name → its measurement
+
+
+class Tracker(Protocol):
+    """One metric of one candidate or merge. An incremental update equals a fresh measurement (a law)."""
+
+    def update(self, step: Step) -> Measurement: ...
+
+
+class Metric(Protocol):
+    def track(self, comparison: Comparison) -> Tracker: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """All measurements of one merge at one time. ``observations`` counts the receiver's since the merge."""
+
+    stamp_ns: int
+    observations: int
+    measurements: Measurements
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    action: Literal["keep", "confirm", "revert"]
+    reason: str
+
+
+class Verifier(Protocol):
+    def verify(self, history: Sequence[Sample], reversal: str) -> Verdict:
+        """Judge a merge from its samples, oldest first; the first one was taken at the merge itself.
+
+        ``reversal`` names the receiver's way of keeping contributions, because it decides what the metrics saw.
+        """
+        ...

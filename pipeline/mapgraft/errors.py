@@ -1,0 +1,64 @@
+"""Every error mapgraft raises on purpose.
+
+MapgraftError                  exit code 1; one sentence: what, what was found, what to do
+├── UsageError                 exit code 2; the command line or the configuration is wrong
+│   ├── ConfigError            the configuration does not fit its schema (all faults at once)
+│   └── DecisionTableError     the decision table does not fit its schema
+├── RecordingError             a file cannot be read as a recording, or holds nothing to map
+├── PluginError                a plugin is missing, broken, or broke its contract
+├── TransformError             a matrix is not a rigid transform, or a pose is not finite
+├── MapError                   a map cannot be read, is empty, or does not fit the operation
+│   └── EmptyMapError          the map knows nothing yet
+├── ReversalError              a merge cannot be made, replaced or taken out
+└── OutputError                the output folder cannot be written
+"""
+
+from __future__ import annotations
+
+
+class MapgraftError(Exception):
+    """Something that a person can mend; its text is shown as it is."""
+
+    exit_code = 1
+
+
+class UsageError(MapgraftError):
+    """The command line or the configuration is wrong."""
+
+    exit_code = 2
+
+
+class ConfigError(UsageError):
+    """The configuration does not fit its schema; the text lists all faults with their paths."""
+
+
+class DecisionTableError(UsageError):
+    """A decision table does not fit its schema."""
+
+
+class RecordingError(MapgraftError):
+    """A file cannot be read as a recording, or holds nothing to map."""
+
+
+class PluginError(MapgraftError):
+    """A plugin is missing, broken, or broke its contract."""
+
+
+class TransformError(MapgraftError):
+    """A matrix is not a rigid transform, or a pose is not finite."""
+
+
+class MapError(MapgraftError):
+    """A map cannot be read, or does not fit what was asked of it."""
+
+
+class EmptyMapError(MapError):
+    """The map knows nothing yet, so it can neither be matched nor fused."""
+
+
+class ReversalError(MapgraftError):
+    """A merge cannot be made, replaced or taken out."""
+
+
+class OutputError(MapgraftError):
+    """The output folder cannot be written."""
