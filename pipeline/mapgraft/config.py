@@ -1,0 +1,224 @@
+"""The configuration: one YAML (or TOML) file, checked as a whole, every fault reported at once with its path."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from mapgraft.errors import ConfigError
+
+ReversalName = Literal["ledger", "single_map", "multi_map"]
+Seconds = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class Section(BaseModel):
+    """A part of the configuration in which an unknown key is a fault."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Choice(BaseModel):
+    """A plugin by name with its parameters beside it: ``{use: every, seconds: 30}``."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+    use: str
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        return dict(self.model_extra or {})
+
+
+class MapConfig(BaseModel):
+    """A map type by name with its parameters beside it: ``{type: occupancy_grid, resolution_m: 0.05}``.
+
+    Without a type the robot gets the type that prefers what the robot observes.
+    """
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+    type: str | None = None
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        return dict(self.model_extra or {})
+
+
+class PosesConfig(Section):
+    """Where a robot's poses come from. What is left out is discovered.
+
+    ``file``: another recording or a TUM trajectory that holds the poses of these scans. ``topic``: an odometry or pose
+    topic instead of the tf tree. ``max_gap_s``: how far the nearest poses on both sides of a scan may lie apart in
+    time; a scan without a pose is counted and left out. ``prefix``: put before bare frames of ``/<robot>/tf``.
+    """
+
+    file: Path | None = None
+    topic: str | None = None
+    map_frame: str | None = None
+    base_frame: str | None = None
+    prefix: str | None = None
+    max_gap_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.5
+
+
+class WindowConfig(Section):
+    """A cut of a recording in seconds since its first stamp: from ``start_s`` (included) to ``end_s`` (excluded)."""
+
+    start_s: Seconds = 0.0
+    end_s: Seconds | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.end_s is not None and self.end_s <= self.start_s:
+            raise ValueError(f"end_s must lie after start_s, found {self.start_s} to {self.end_s}")
+        return self
+
+
+class RobotConfig(Section):
+    """One robot. Everything has a default from discovery; ``mapgraft info`` shows what would be used.
+
+    ``source`` names the discovered robot this one is taken from (default: the one of the same name); with ``window``
+    several robots can be cut from one recording, each with a map frame of its own that starts at its first pose.
+    """
+
+    source: str | None = None
+    files: list[str] = Field(default_factory=list)
+    scans: list[str] | None = None
+    maps: list[str] | None = None
+    poses: PosesConfig = PosesConfig()
+    window: WindowConfig | None = None
+    clock_offset_s: Seconds = 0.0
+    map: MapConfig = MapConfig()
+    reversal: ReversalName | None = None
+
+
+class PriorConfig(Section):
+    """What is known beforehand about where the donor's map frame lies in the receiver's."""
+
+    receiver: str
+    donor: str
+    x_m: Seconds
+    y_m: Seconds
+    yaw_rad: Seconds
+    sigma_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.5
+    sigma_yaw_rad: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.1
+
+
+class VerdictConfig(Section):
+    """A person's word on a merge, replayed whenever that merge comes up again."""
+
+    merge: str
+    action: Literal["revert", "confirm"]
+    by: str = ""
+    reason: str = ""
+
+
+class MissionConfig(Section):
+    """The timeline: ``aligned`` shifts robots that recorded one after another to a common start."""
+
+    start: Literal["aligned", "recorded"] = "aligned"
+    start_s: Seconds | None = None
+    end_s: Seconds | None = None
+    every: Annotated[int, Field(ge=1)] = 1
+    typestore: str = "ros2_humble"
+
+
+class OutputConfig(Section):
+    """What is written beside the events. ``snapshots`` writes maps to the MCAP before and after merges and reverts."""
+
+    snapshots: bool = True
+    scans: bool = False
+
+
+class Config(Section):
+    mission: MissionConfig = MissionConfig()
+    robots: dict[str, RobotConfig] = Field(default_factory=dict)
+    map: MapConfig = MapConfig()
+    reversal: ReversalName = "ledger"
+    exchange: Choice = Choice.model_validate({"use": "every", "seconds": 30.0})
+    rules: list[dict[str, Any]] | Path | None = None
+    priors: list[PriorConfig] = Field(default_factory=list)
+    forbid: list[tuple[str, str]] = Field(default_factory=list)
+    verdicts: list[VerdictConfig] = Field(default_factory=list)
+    output: OutputConfig = OutputConfig()
+    seed: int = 0
+
+    @field_validator("robots")
+    @classmethod
+    def _names(cls, robots: dict[str, RobotConfig]) -> dict[str, RobotConfig]:
+        for name in robots:
+            check_robot_name(name)
+        return robots
+
+
+def check_robot_name(name: str) -> str:
+    """A robot's name becomes a topic, a frame and a file name; raises ValueError when it cannot."""
+    if not name or len(name) > 100 or name in (".", "..") or not all(c.isalnum() or c in "_-@." for c in name):
+        raise ValueError(f"a robot's name is letters, digits, '_', '-', '@' and '.', found {name!r}")
+    return name
+
+
+def load_config(path: Path) -> Config:
+    """Read a YAML or TOML file; relative paths inside are taken from the file's own folder.
+
+    Raises ConfigError when it cannot be read or does not fit.
+    """
+    return parse_config(read_mapping(path), origin=str(path), folder=path.parent)
+
+
+def parse_config(given: Mapping[str, Any], origin: str = "the configuration", folder: Path | None = None) -> Config:
+    """Check a mapping; raises ConfigError with all faults at once, each with its path."""
+    try:
+        config = Config.model_validate(given)
+    except ValidationError as error:
+        faults = [f"  {_path_of(fault['loc'])}: {_text_of(fault)}" for fault in error.errors()]
+        raise ConfigError(f"{origin} has {len(faults)} fault{'s' * (len(faults) > 1)}:\n" + "\n".join(faults)) from None
+    return config if folder is None else _anchored(config, folder)
+
+
+def read_mapping(path: Path) -> dict[str, Any]:
+    """The mapping in a YAML 1.2 or TOML file; raises ConfigError with one sentence."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ConfigError(f"there is no file {path}: check the path") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path} cannot be read: {error}") from None
+    try:
+        given = tomllib.loads(text) if path.suffix == ".toml" else YAML(typ="safe", pure=True).load(text)
+    except YAMLError as error:
+        where = getattr(error, "problem_mark", None)
+        at = f" at line {where.line + 1}, column {where.column + 1}" if where else ""
+        raise ConfigError(f"{path} is not valid YAML{at}: {getattr(error, 'problem', None) or error}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path} is not valid TOML: {error}") from None
+    if given is None:
+        return {}
+    if not isinstance(given, dict):
+        raise ConfigError(f"{path} must hold a mapping (key: value), found a {type(given).__name__}")
+    return given
+
+
+def _anchored(config: Config, folder: Path) -> Config:
+    robots = {
+        name: robot.model_copy(update={"poses": robot.poses.model_copy(update={"file": folder / robot.poses.file})})
+        if robot.poses.file
+        else robot
+        for name, robot in config.robots.items()
+    }
+    rules = folder / config.rules if isinstance(config.rules, Path) else config.rules
+    return config.model_copy(update={"robots": robots, "rules": rules})
+
+
+def _path_of(location: tuple[int | str, ...]) -> str:
+    return ".".join(str(part) for part in location) or "(top)"
+
+
+def _text_of(fault: Mapping[str, Any]) -> str:
+    if fault["type"] == "extra_forbidden":
+        return "there is no such key; check the spelling"
+    text = str(fault["msg"]).removeprefix("Value error, ")
+    return f"{text}, found {fault['input']!r}" if not isinstance(fault["input"], dict | list) else text

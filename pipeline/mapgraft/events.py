@@ -1,0 +1,75 @@
+"""The history of a mission: one event per thing that happened, append-only, in the order in which it happened."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+from mapgraft.contracts import Covariance, Exactness, Map, MapType, Measurement, Observation, Transform
+
+Kind = Literal[
+    "offered",  # a donor told its metadata
+    "rejected",  # the decision table has no procedure, or the pair is forbidden
+    "unmatched",  # the matcher or the acceptor found nothing good enough
+    "ambiguous",  # more than one hypothesis is good; tried again later
+    "merged",  # a contribution entered the receiver's map (provisional)
+    "updated",  # a newer version of the donor's layer took the place of the older one
+    "verified",  # the metrics were measured and the verifier kept the merge
+    "confirmed",  # the verifier or a person is sure
+    "reverted",  # the contribution was taken out again
+]
+
+STANDING = ("merged", "updated", "verified", "confirmed")  # kinds after which the contribution is in the map
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One row of the history.
+
+    ``seq`` rises by one from 0. ``stamp_ns`` is data time. ``merge_id`` is ``<receiver>.<donor>.<n>``, n counting the
+    attempts of that pair from 1, and empty where no attempt was made. ``T_receiver_donor`` is None where there is no
+    hypothesis. ``state`` is the merge's state after the event.
+    """
+
+    seq: int
+    stamp_ns: int
+    kind: Kind
+    receiver: str
+    donor: str
+    merge_id: str = ""
+    state: Literal["", "candidate", "provisional", "confirmed", "reverted"] = ""
+    reason: str = ""
+    by: str = ""  # who decided: a plugin's name, "decision table", or a person
+    rule: str = ""
+    matcher: str = ""
+    fuser: str = ""
+    verifier: str = ""
+    reversal: str = ""
+    T_receiver_donor: Transform | None = None
+    scale: float = 1.0
+    covariance: Covariance | None = None
+    score: float | None = None
+    margin: float | None = None
+    hypotheses: int = 0
+    donor_epoch: int = 0
+    donor_version: int = 0
+    receiver_version: int = 0
+    bytes_received: int = 0
+    measurements: Sequence[Measurement] = ()
+    evidence: Mapping[str, float] = field(default_factory=dict)
+    exactness: Exactness | None = None
+
+
+class Sink(Protocol):
+    """Where a replay writes to. The replay calls it in order; a sink never answers back."""
+
+    def observed(self, observation: Observation) -> None: ...
+    def happened(self, event: Event) -> None: ...
+    def mapped(self, robot: str, stamp_ns: int, map_type: MapType, own: Map, fused: Map) -> None:
+        """A robot's own and fused map as of now: before and after each merge and revert, and at the end."""
+        ...
+
+    def transformed(self, stamp_ns: int, T_world_map: Mapping[str, Transform]) -> None:
+        """Where every robot's map frame lies in ``world`` from now on, merged or not."""
+        ...
