@@ -174,7 +174,7 @@ def parse_config(given: Mapping[str, Any], origin: str = "the configuration", fo
     try:
         config = Config.model_validate(given)
     except ValidationError as error:
-        faults = [f"  {_path_of(fault['loc'])}: {_text_of(fault)}" for fault in error.errors()]
+        faults = [f"  {path_of(fault['loc'])}: {text_of(fault)}" for fault in error.errors()]
         raise ConfigError(f"{origin} has {len(faults)} fault{'s' * (len(faults) > 1)}:\n" + "\n".join(faults)) from None
     return config if folder is None else _anchored(config, folder)
 
@@ -213,11 +213,13 @@ def _anchored(config: Config, folder: Path) -> Config:
     return config.model_copy(update={"robots": robots, "rules": rules})
 
 
-def _path_of(location: tuple[int | str, ...]) -> str:
+def path_of(location: tuple[int | str, ...]) -> str:
+    """Where in the document a fault lies, as ``robots.alice.map``."""
     return ".".join(str(part) for part in location) or "(top)"
 
 
-def _text_of(fault: Mapping[str, Any]) -> str:
+def text_of(fault: Mapping[str, Any]) -> str:
+    """What a fault of pydantic's is, in a sentence for a person."""
     if fault["type"] == "extra_forbidden":
         return "there is no such key; check the spelling"
     text = str(fault["msg"]).removeprefix("Value error, ")

@@ -1,5 +1,6 @@
 """Everything a plugin sees of mapgraft: values, protocols, ``hookimpl`` and the errors it may raise."""
 
+from mapgraft.contracts.exchange import Meeting, Policy, Situation
 from mapgraft.contracts.geometry import Matrix4, Points, Transform
 from mapgraft.contracts.maps import (
     Contribution,
@@ -83,12 +84,14 @@ __all__ = [
     "Matrix4",
     "Measurement",
     "Measurements",
+    "Meeting",
     "Metric",
     "Observation",
     "OutputError",
     "OutputMessage",
     "PluginError",
     "Points",
+    "Policy",
     "Prior",
     "Provenance",
     "Rays",
@@ -101,6 +104,7 @@ __all__ = [
     "Role",
     "Sample",
     "Scan",
+    "Situation",
     "Step",
     "Tracker",
     "Transform",

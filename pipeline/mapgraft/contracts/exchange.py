@@ -1,0 +1,39 @@
+"""When robots exchange their maps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+from mapgraft.contracts.geometry import Transform
+
+
+class Meeting(NamedTuple):
+    """One exchange. ``pairs`` holds (receiver, donor); None means that everybody hears everybody."""
+
+    stamp_ns: int
+    pairs: tuple[tuple[str, str], ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """What a policy may look at: the time since it was last asked, and where the robots are.
+
+    ``start_ns`` is the mission's first stamp; the policy answers for (``previous_ns``, ``now_ns``]. ``T_map_base`` is
+    each robot's last pose in its own map frame, ``T_world_map`` where the recording itself places that frame in one
+    world, for robots of which it does. ``ending`` is True once, after the last observation.
+    """
+
+    start_ns: int
+    previous_ns: int
+    now_ns: int
+    T_map_base: Mapping[str, Transform] = field(default_factory=dict)
+    T_world_map: Mapping[str, Transform] = field(default_factory=dict)
+    ending: bool = False
+
+
+class Policy(Protocol):
+    def due(self, situation: Situation) -> Sequence[Meeting]:
+        """The exchanges that fall into the situation's time, in time order."""
+        ...

@@ -1,0 +1,303 @@
+"""The decision table (section 2.1 of the paper): from the two maps' metadata to a procedure, or a rejection."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from mapgraft.config import Choice, ReversalName, Section, path_of, text_of
+from mapgraft.contracts import DecisionTableError, MapMetadata
+from mapgraft.plugins import PluginKind, Plugins
+
+Value = bool | int | float | str
+PAIR_FIELDS = ("resolution_ratio", "scale_known", "prior", "reversal")
+METADATA_FIELDS = tuple(f.name for f in dataclasses.fields(MapMetadata) if f.name != "extra")
+
+
+class Range(Section):
+    """A condition on a number; both ends are included."""
+
+    min: float | None = None
+    max: float | None = None
+
+
+Condition = Range | list[Value] | Value
+
+
+class Reverse(Section):
+    allow: tuple[ReversalName, ...] = ("ledger", "multi_map", "single_map")
+
+
+class Measuring(BaseModel):
+    """An acceptor or verifier by name, the metrics it needs, and its own parameters beside them.
+
+    ``metrics`` is a list of names, or a mapping from name to what the acceptor or verifier wants of it.
+    """
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+    use: str
+    metrics: list[str] | dict[str, dict[str, Any]] = Field(default_factory=list)
+
+    @property
+    def metric_names(self) -> tuple[str, ...]:
+        return tuple(self.metrics)
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        limits = {"metrics": self.metrics} if isinstance(self.metrics, dict) else {}
+        return {**(self.model_extra or {}), **limits}
+
+
+class Logged(Section):
+    """Metrics that are measured and written, each ``every`` observations, but judge nothing."""
+
+    metrics: list[str]
+    every: int = Field(default=10, ge=1)
+
+
+class Verification(Measuring):
+    every: int = Field(default=10, ge=1)
+    log: Logged | None = None
+
+
+class Rule(Section):
+    """One record of the table. ``priority`` goes before order; the first rule that applies is the procedure.
+
+    A rule with ``reject`` (the reason as text) instead of a procedure turns the pair away.
+    """
+
+    name: str
+    when: dict[str, Condition] = Field(default_factory=dict)
+    via: str | None = None
+    match: Choice | None = None
+    accept: Measuring | None = None
+    fuse: Choice | None = None
+    verify: Verification | None = None
+    reverse: Reverse = Reverse()
+    metrics: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    candidates: int = Field(default=4, ge=1)
+    priority: int = 0
+    reject: str | None = None
+
+    @field_validator("when")
+    @classmethod
+    def _known_fields(cls, when: dict[str, Condition]) -> dict[str, Condition]:
+        for name in when:
+            side, dot, _ = name.partition(".")
+            if not (name in PAIR_FIELDS or (dot and side in ("own", "other"))):
+                fields = ", ".join((*PAIR_FIELDS, *(f"own.{f}" for f in METADATA_FIELDS)))
+                raise ValueError(f"there is no field {name!r}: use {fields}, other.…, or a type's extra as own.<name>")
+        return when
+
+    def model_post_init(self, _context: object) -> None:
+        parts = {"match": self.match, "accept": self.accept, "fuse": self.fuse, "verify": self.verify}
+        absent = [name for name, part in parts.items() if part is None]
+        if self.reject is None and absent:
+            raise ValueError(f"a procedure needs match, accept, fuse and verify; {', '.join(absent)} missing")
+        if self.reject is not None and len(absent) < len(parts):
+            raise ValueError("a rule either rejects or names a procedure, not both")
+
+    @property
+    def procedure(self) -> Procedure:
+        """The procedure of a rule that does not reject."""
+        if self.match is None or self.accept is None or self.fuse is None or self.verify is None:
+            raise DecisionTableError(f"rule {self.name!r} rejects: it has no procedure")
+        return Procedure(self, self.match, self.accept, self.fuse, self.verify)
+
+
+@dataclass(frozen=True, slots=True)
+class Procedure:
+    """Matcher, acceptor, fuser, metrics and verifier that one rule names."""
+
+    rule: Rule
+    match: Choice
+    accept: Measuring
+    fuse: Choice
+    verify: Verification
+
+    @property
+    def metric_names(self) -> tuple[str, ...]:
+        """All metrics of the rule, each once, in the order in which they are named."""
+        logged = self.verify.log.metrics if self.verify.log else ()
+        return tuple(dict.fromkeys((*self.accept.metric_names, *self.verify.metric_names, *logged)))
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Why one rule did or did not apply."""
+
+    rule: str
+    applies: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Ruling:
+    """What the table says of a pair: a rule or none, and the finding of every rule that was looked at."""
+
+    rule: Rule | None
+    findings: tuple[Finding, ...]
+
+    @property
+    def rejected(self) -> bool:
+        return self.rule is None or self.rule.reject is not None
+
+    @property
+    def reason(self) -> str:
+        """One line that explains the ruling."""
+        if self.rule is not None:
+            return self.rule.reject or f"rule {self.rule.name!r} applies"
+        if not self.findings:
+            return "the decision table is empty"
+        return "no rule applies: " + "; ".join(f"{f.rule!r}: {f.reason}" for f in self.findings)
+
+
+@dataclass(frozen=True, slots=True)
+class DecisionTable:
+    """Rules in the order in which they are looked at, and the text they came from."""
+
+    rules: tuple[Rule, ...]
+    source: str
+
+    def choose(self, facts: Mapping[str, Value]) -> Ruling:
+        """The first rule whose conditions all hold; rules after it are not looked at."""
+        findings: list[Finding] = []
+        for rule in self.rules:
+            failure = _first_failure(rule, facts)
+            findings.append(Finding(rule.name, failure is None, failure or "applies"))
+            if failure is None:
+                return Ruling(rule, tuple(findings))
+        return Ruling(None, tuple(findings))
+
+
+def facts_of(
+    own: MapMetadata, other: MapMetadata, prior: bool = False, reversal: ReversalName = "ledger"
+) -> dict[str, Value]:
+    """The fields that conditions may ask for; what a map does not tell is absent."""
+    facts: dict[str, Value] = {
+        "prior": prior,
+        "reversal": reversal,
+        "scale_known": own.scale_known and other.scale_known,
+    }
+    if own.resolution_m and other.resolution_m:
+        facts["resolution_ratio"] = own.resolution_m / other.resolution_m
+    for side, metadata in (("own", own), ("other", other)):
+        values = {name: getattr(metadata, name) for name in METADATA_FIELDS} | dict(metadata.extra)
+        facts |= {f"{side}.{name}": value for name, value in values.items() if isinstance(value, Value)}
+    return facts
+
+
+def _first_failure(rule: Rule, facts: Mapping[str, Value]) -> str | None:
+    reversal = facts.get("reversal")
+    if rule.reject is None and reversal is not None and reversal not in rule.reverse.allow:
+        return f"reversal is {reversal}, the rule allows {', '.join(rule.reverse.allow)}"
+    for name, condition in rule.when.items():
+        if name not in facts:
+            return f"{name} is not told"
+        if (text := _failure(facts[name], condition)) is not None:
+            return f"{name} is {_spell(facts[name])}, {text}"
+    return None
+
+
+def _failure(value: Value, condition: Condition) -> str | None:
+    """None when the condition holds, else what it wants."""
+    if isinstance(condition, Range):
+        if isinstance(value, str | bool):
+            return "the rule wants a number"
+        if condition.min is not None and value < condition.min:
+            return f"the rule wants at least {condition.min:g}"
+        if condition.max is not None and value > condition.max:
+            return f"the rule wants at most {condition.max:g}"
+        return None
+    allowed = condition if isinstance(condition, list) else [condition]
+    if any(value == wanted and isinstance(value, bool) == isinstance(wanted, bool) for wanted in allowed):
+        return None
+    return f"the rule wants {' or '.join(map(_spell, allowed))}"
+
+
+def _spell(value: Value) -> str:
+    return str(value).lower() if isinstance(value, bool) else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def parse_rules(text: str, origin: str) -> list[Rule]:
+    """Rules from YAML text (a list); raises DecisionTableError with every fault and its place."""
+    try:
+        given = YAML(typ="safe", pure=True).load(text)
+    except YAMLError as error:
+        raise DecisionTableError(f"the decision table {origin} is not valid YAML: {error}") from None
+    return check_rules(given, origin)
+
+
+def check_rules(given: object, origin: str) -> list[Rule]:
+    """Rules from a list of mappings; raises DecisionTableError with every fault and its place."""
+    if not isinstance(given, list):
+        raise DecisionTableError(f"the decision table {origin} must be a list of rules, found {type(given).__name__}")
+    rules: list[Rule] = []
+    faults: list[str] = []
+    for number, record in enumerate(given, start=1):
+        name = record.get("name", "without name") if isinstance(record, dict) else "?"
+        try:
+            rules.append(Rule.model_validate(record))
+        except ValidationError as error:
+            for fault in error.errors():
+                faults.append(f"  rule {number} ({name}), {path_of(fault['loc'])}: {text_of(fault)}")
+    if faults:
+        raise DecisionTableError(f"the decision table {origin} has {len(faults)} fault(s):\n" + "\n".join(faults))
+    return rules
+
+
+def build_table(plugins: Plugins, own: Sequence[Mapping[str, Any]] | Path | None = None) -> DecisionTable:
+    """The decision table: the user's rules if given, else those of all plugins; by priority, then by order.
+
+    Raises DecisionTableError or PluginError when a rule does not fit its schema or names what is not installed.
+    """
+    if own is None:
+        rules = [rule for table in plugins.rules for rule in parse_rules(table.text, f"of {table.origin.plugin}")]
+        source = "\n".join(
+            f"# {table.name}, from {table.origin.plugin}\n{table.text.strip()}\n" for table in plugins.rules
+        )
+    elif isinstance(own, Path):
+        try:
+            source = own.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise DecisionTableError(f"the decision table {own} cannot be read: {error}") from None
+        rules = parse_rules(source, str(own))
+    else:
+        rules, source = check_rules(list(own), "in the configuration"), _as_yaml(own)
+    for rule in rules:
+        _check_names(rule, plugins)
+    ordered = sorted(rules, key=lambda rule: -rule.priority)  # sorting is stable: equal priorities keep their order
+    return DecisionTable(tuple(ordered), source)
+
+
+def _check_names(rule: Rule, plugins: Plugins) -> None:
+    if rule.reject is not None:
+        return
+    procedure = rule.procedure
+    wanted: Iterable[tuple[PluginKind, str]] = (
+        ("matcher", procedure.match.use),
+        ("acceptor", procedure.accept.use),
+        ("fuser", procedure.fuse.use),
+        ("verifier", procedure.verify.use),
+        *(("metric", name) for name in procedure.metric_names),
+        *((("map type", rule.via),) if rule.via else ()),
+    )
+    for kind, name in wanted:
+        try:
+            plugins.find(kind, name)
+        except Exception as error:
+            raise DecisionTableError(f"rule {rule.name!r}: {error}") from None
+
+
+def _as_yaml(rules: Sequence[Mapping[str, Any]]) -> str:
+    buffer = io.StringIO()
+    YAML(typ="safe", pure=True).dump([dict(rule) for rule in rules], buffer)
+    return buffer.getvalue()

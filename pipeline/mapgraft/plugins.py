@@ -1,0 +1,219 @@
+"""Loading plugins, one at a time and apart from each other, and making what they offer."""
+
+from __future__ import annotations
+
+import difflib
+import importlib.metadata
+import importlib.util
+import inspect
+import os
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import pluggy
+
+from mapgraft import hooks
+from mapgraft.contracts.plugin import PROJECT, Descriptor
+from mapgraft.errors import ConfigError, PluginError
+
+GROUP = "mapgraft"
+NO_AUTOLOAD = "MAPGRAFT_DISABLE_PLUGIN_AUTOLOAD"
+
+PluginKind = Literal[
+    "map type",
+    "matcher",
+    "acceptor",
+    "fuser",
+    "metric",
+    "verifier",
+    "conversion",
+    "policy",
+    "reader",
+    "decoder",
+    "format",
+]
+HOOK_OF: dict[PluginKind, str] = {
+    "map type": "register_map_types",
+    "matcher": "register_matchers",
+    "acceptor": "register_acceptors",
+    "fuser": "register_fusers",
+    "metric": "register_metrics",
+    "verifier": "register_verifiers",
+    "conversion": "register_conversions",
+    "policy": "register_policies",
+    "reader": "register_readers",
+    "decoder": "register_decoders",
+    "format": "register_formats",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Which entry point of which distribution a thing came from."""
+
+    plugin: str
+    distribution: str
+    version: str
+
+
+@dataclass(frozen=True, slots=True)
+class Offered:
+    """One descriptor with its kind and where it came from."""
+
+    kind: PluginKind
+    descriptor: Descriptor
+    origin: Origin
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """The modules it needs that are not installed."""
+        return tuple(name for name in self.descriptor.requires if importlib.util.find_spec(name) is None)
+
+    @property
+    def remedy(self) -> str:
+        """What to install when something is missing; empty when nothing is."""
+        if not self.missing:
+            return ""
+        what = f"mapgraft[{self.descriptor.extra}]" if self.descriptor.extra else " ".join(self.missing)
+        return f"needs {', '.join(self.missing)}: pip install '{what}'"
+
+
+@dataclass(frozen=True, slots=True)
+class RuleText:
+    name: str
+    text: str
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True)
+class Broken:
+    origin: Origin
+    reason: str
+
+
+@dataclass(slots=True)
+class Plugins:
+    """What is installed. Nothing behind a descriptor is imported before ``make`` or ``function`` asks for it."""
+
+    offered: dict[tuple[PluginKind, str], Offered] = field(default_factory=dict)
+    rules: list[RuleText] = field(default_factory=list)
+    broken: list[Broken] = field(default_factory=list)
+
+    def of_kind(self, kind: PluginKind) -> list[Offered]:
+        return [offered for (k, _), offered in sorted(self.offered.items()) if k == kind]
+
+    def find(self, kind: PluginKind, name: str) -> Offered:
+        """The descriptor of a name; raises PluginError that says which names there are."""
+        if found := self.offered.get((kind, name)):
+            return found
+        names = [offered.descriptor.name for offered in self.of_kind(kind)]
+        close = difflib.get_close_matches(name, names, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"installed are {', '.join(names) or 'none'}"
+        if self.broken:
+            hint += f" ({len(self.broken)} plugin(s) could not be loaded: see 'mapgraft plugins list')"
+        raise PluginError(f"there is no {kind} called {name!r}: {hint}")
+
+    def function(self, kind: PluginKind, name: str) -> Callable[..., object]:
+        """The factory behind a name, imported now; raises PluginError when it cannot be."""
+        offered = self.find(kind, name)
+        if offered.missing:
+            raise PluginError(f"the {kind} {name!r} {offered.remedy}")
+        module_name, _, attribute = offered.descriptor.factory.partition(":")
+        try:
+            found: object = importlib.import_module(module_name)
+            for part in attribute.split("."):
+                found = getattr(found, part)
+        except Exception as error:  # a stranger's module may fail in any way
+            raise PluginError(
+                f"the {kind} {name!r} of {offered.origin.plugin} cannot be loaded: {type(error).__name__}: {error}"
+            ) from error
+        if not callable(found):
+            raise PluginError(f"the {kind} {name!r}: {offered.descriptor.factory} is not callable")
+        return found
+
+    def make(self, kind: PluginKind, name: str, parameters: Mapping[str, object] | None = None) -> object:
+        """Call the factory behind a name with its parameters.
+
+        Raises ConfigError for a parameter that the factory does not have, PluginError when it cannot be loaded.
+        """
+        factory, given = self.function(kind, name), dict(parameters or {})
+        known = inspect.signature(factory).parameters
+        if not any(p.kind is inspect.Parameter.VAR_KEYWORD for p in known.values()):
+            unknown = sorted(set(given) - set(known))
+            if unknown:
+                raise ConfigError(
+                    f"the {kind} {name!r} has no parameter {', '.join(map(repr, unknown))}: "
+                    f"it has {', '.join(known) or 'none'}"
+                )
+        try:
+            return factory(**given)
+        except TypeError as error:
+            raise ConfigError(f"the {kind} {name!r} refused its parameters {given}: {error}") from error
+
+
+def load_plugins(without: Collection[str] = ()) -> Plugins:
+    """All installed plugins, in the order of their entry points' names; a broken one is noted and skipped.
+
+    ``without`` names entry points to leave out. With MAPGRAFT_DISABLE_PLUGIN_AUTOLOAD set only mapgraft's own
+    distribution is loaded.
+    """
+    plugins = Plugins()
+    entry_points = sorted(importlib.metadata.entry_points(group=GROUP), key=lambda e: (e.name, e.value))
+    own_only = bool(os.environ.get(NO_AUTOLOAD))
+    for entry_point in entry_points:
+        origin = _origin_of(entry_point)
+        if entry_point.name in without or (own_only and origin.distribution != "mapgraft"):
+            continue
+        try:
+            load_plugin(plugins, entry_point.load(), origin)
+        except Exception as error:  # one broken plugin must not take the others with it
+            reason = str(error) if isinstance(error, PluginError) else f"{type(error).__name__}: {error}"
+            plugins.broken.append(Broken(origin, reason))
+    return plugins
+
+
+def load_plugin(plugins: Plugins, module: object, origin: Origin) -> None:
+    """Add everything that one module registers; raises PluginError, and adds nothing, when something is wrong."""
+    manager = pluggy.PluginManager(PROJECT)
+    manager.add_hookspecs(hooks)
+    offered: dict[tuple[PluginKind, str], Offered] = {}
+    rules: list[RuleText] = []
+    try:
+        manager.register(module, name=origin.plugin)
+        manager.check_pending()
+    except pluggy.PluginValidationError as error:
+        raise PluginError(f"{origin.plugin}: {error}; the hooks are {', '.join(_hook_names())}") from error
+    for kind, hook in HOOK_OF.items():
+        getattr(manager.hook, hook)(register=_register(kind, origin, offered, plugins.offered))
+    manager.hook.register_rules(register=lambda name, text: rules.append(RuleText(name, text, origin)))
+    plugins.offered.update(offered)
+    plugins.rules.extend(rules)
+
+
+def _register(
+    kind: PluginKind,
+    origin: Origin,
+    offered: dict[tuple[PluginKind, str], Offered],
+    taken: Mapping[tuple[PluginKind, str], Offered],
+) -> Callable[[Descriptor], None]:
+    def register(descriptor: Descriptor) -> None:
+        if not isinstance(descriptor, Descriptor):
+            raise PluginError(f"{origin.plugin} registered a {type(descriptor).__name__}: register a Descriptor")
+        key = (kind, descriptor.name)
+        if other := taken.get(key) or offered.get(key):
+            raise PluginError(f"{origin.plugin} offers the {kind} {descriptor.name!r}, which {other.origin.plugin} has")
+        offered[key] = Offered(kind, descriptor, origin)
+
+    return register
+
+
+def _hook_names() -> Iterable[str]:
+    return (*HOOK_OF.values(), "register_rules")
+
+
+def _origin_of(entry_point: importlib.metadata.EntryPoint) -> Origin:
+    distribution = entry_point.dist
+    if distribution is None:
+        return Origin(entry_point.name, entry_point.module, "unknown")
+    return Origin(entry_point.name, distribution.name, distribution.version)

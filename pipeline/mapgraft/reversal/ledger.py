@@ -1,0 +1,75 @@
+"""The ledger: one live layer per source, never mixed. Reverting is forgetting, exact and at the cost of one map."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from mapgraft.contracts import Contribution, Exactness, Layer, Map, MapType, Observation, Region
+from mapgraft.errors import ReversalError
+from mapgraft.reversal.views import LazyView
+
+
+class Ledger:
+    """``fused = own + Σ contributions``, evaluated where somebody looks and something has changed."""
+
+    name: Literal["ledger"] = "ledger"
+    exact = True
+    subject: Literal["own"] = "own"
+
+    def __init__(self, map_type: MapType) -> None:
+        self._map_type = map_type
+        self._layer = map_type.new_layer()
+        self._version = 0
+        self._contributions: dict[str, Contribution] = {}
+        self._own = LazyView(map_type)
+        self._fused = LazyView(map_type)
+
+    def observe(self, observation: Observation) -> Region:
+        touched = self._map_type.integrate(self._layer, observation)
+        self._version += 1
+        self._own.touch(touched)
+        self._fused.touch(touched)
+        return touched
+
+    def merge(self, merge_id: str, contribution: Contribution) -> None:
+        if merge_id in self._contributions:
+            raise ReversalError(f"merge {merge_id} is already in the map: replace it or revert it first")
+        self._contributions[merge_id] = contribution
+        self._fused.touch(contribution.region)
+
+    def replace(self, merge_id: str, contribution: Contribution) -> None:
+        self._fused.touch(self._standing(merge_id).region)
+        self._contributions[merge_id] = contribution
+        self._fused.touch(contribution.region)
+
+    def revert(self, merge_id: str) -> Exactness:
+        self._fused.touch(self._standing(merge_id).region)
+        del self._contributions[merge_id]
+        return Exactness(exact=True, reason="the donor's layer was never mixed with another")
+
+    def own(self) -> Map:
+        return self._own.get(self._layer)
+
+    def fused(self) -> Map:
+        if not self._contributions:
+            return self.own()
+        return self._fused.get(self._layer, tuple(self._contributions.values()))
+
+    def compared_layer(self) -> Layer:
+        return self._layer
+
+    def compared(self) -> Map:
+        return self.own()
+
+    def offered_layer(self) -> Layer:
+        return self._layer
+
+    @property
+    def offered_version(self) -> int:
+        return self._version
+
+    def _standing(self, merge_id: str) -> Contribution:
+        try:
+            return self._contributions[merge_id]
+        except KeyError:
+            raise ReversalError(f"merge {merge_id} is not in the map: it was never made or already reverted") from None

@@ -1,0 +1,94 @@
+"""Mapping with a single map (section 3.2 of the paper): cheap, and never quite free of what was merged into it."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from mapgraft.contracts import Contribution, Exactness, Layer, Map, MapType, Observation, Region
+from mapgraft.errors import ReversalError
+from mapgraft.reversal.views import LazyView
+
+
+class SingleMap:
+    """The merged map and the local update map, which marks what the robot has updated itself.
+
+    A revert resets what the donor changed and the robot never updated. What the robot updated keeps the donor's share,
+    and where another standing merge had written too, its evidence goes with the reset: both are counted.
+    """
+
+    name: Literal["single_map"] = "single_map"
+    exact = False
+    subject: Literal["merged"] = "merged"
+
+    def __init__(self, map_type: MapType) -> None:
+        self._map_type = map_type
+        self._layer = map_type.new_layer()
+        self._version = 0
+        self._view = LazyView(map_type)
+        self._updated: Region | None = None  # the local update map, kept from the first merge on
+        self._foreign: dict[str, Region] = {}
+        self._before: tuple[Layer, int] | None = None  # the last layer that was the robot's own, and its version
+
+    def observe(self, observation: Observation) -> Region:
+        touched = self._map_type.integrate(self._layer, observation)
+        self._version += 1
+        if self._updated is not None:
+            self._updated = self._updated.union(touched)
+        self._view.touch(touched)
+        return touched
+
+    def merge(self, merge_id: str, contribution: Contribution) -> None:
+        if merge_id in self._foreign:
+            raise ReversalError(f"merge {merge_id} is already in the map: revert it first")
+        if self._before is None:
+            self._before = (self._map_type.decode(self._map_type.encode(self._layer)), self._version)
+            self._updated = self._map_type.region(self._layer)
+        changed = self._map_type.absorb(self._layer, contribution)
+        self._foreign[merge_id] = changed
+        self._view.touch(changed)
+
+    def replace(self, merge_id: str, contribution: Contribution) -> None:
+        raise ReversalError(
+            f"merge {merge_id} cannot be replaced: a single map does not know what the donor's share was; "
+            "use the reversal ledger or multi_map"
+        )
+
+    def revert(self, merge_id: str) -> Exactness:
+        foreign = self._foreign.pop(merge_id, None)
+        if foreign is None or self._updated is None:
+            raise ReversalError(f"merge {merge_id} is not in the map: it was never made or already reverted")
+        discarded = foreign.minus(self._updated)
+        lost = sum(_shared(discarded, other) for other in self._foreign.values())
+        reset = self._map_type.reset(self._layer, foreign, self._updated)
+        self._foreign = {name: other.minus(discarded) for name, other in self._foreign.items()}
+        self._view.touch(reset.touched)
+        return Exactness(
+            exact=reset.cells_contaminated == 0 and lost == 0,
+            cells_reset=reset.cells_reset,
+            cells_contaminated=reset.cells_contaminated,
+            cells_lost=lost,
+            reason="what the robot had not updated itself was reset to unknown; what it had keeps the donor's share",
+        )
+
+    def own(self) -> Map:
+        return self._view.get(self._layer)
+
+    def fused(self) -> Map:
+        return self.own()
+
+    def compared_layer(self) -> Layer:
+        return self._layer
+
+    def compared(self) -> Map:
+        return self.own()
+
+    def offered_layer(self) -> Layer:
+        return self._layer if self._before is None else self._before[0]
+
+    @property
+    def offered_version(self) -> int:
+        return self._version if self._before is None else self._before[1]
+
+
+def _shared(a: Region, b: Region) -> int:
+    return len(a) - len(a.minus(b))
