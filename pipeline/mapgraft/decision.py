@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,8 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from mapgraft.config import Choice, ReversalName, Section, path_of, text_of
-from mapgraft.contracts import DecisionTableError, MapMetadata
-from mapgraft.plugins import PluginKind, Plugins
+from mapgraft.contracts import DecisionTableError, MapMetadata, PluginError
+from mapgraft.plugins import Broken, PluginKind, Plugins
 
 Value = bool | int | float | str
 PAIR_FIELDS = ("resolution_ratio", "scale_known", "prior", "reversal")
@@ -160,21 +160,33 @@ class Ruling:
         return "no rule applies: " + "; ".join(f"{f.rule!r}: {f.reason}" for f in self.findings)
 
 
+Check = Callable[[str, str], str | None]  # (receiver's type, donor's type) → why the procedure cannot take them
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A rule, and what tells whether its procedure can take two map types with what is installed."""
+
+    rule: Rule
+    obstacle: Check
+
+
 @dataclass(frozen=True, slots=True)
 class DecisionTable:
-    """Rules in the order in which they are looked at, and the text they came from."""
+    """Records in the order in which they are looked at, and the text they came from."""
 
-    rules: tuple[Rule, ...]
+    records: tuple[Record, ...]
     source: str
 
     def choose(self, facts: Mapping[str, Value]) -> Ruling:
-        """The first rule whose conditions all hold; rules after it are not looked at."""
+        """The first rule whose conditions all hold and whose procedure is installed; later ones are not looked at."""
         findings: list[Finding] = []
-        for rule in self.rules:
-            failure = _first_failure(rule, facts)
-            findings.append(Finding(rule.name, failure is None, failure or "applies"))
+        own, other = str(facts.get("own.type")), str(facts.get("other.type"))
+        for record in self.records:
+            failure = _first_failure(record.rule, facts) or record.obstacle(own, other)
+            findings.append(Finding(record.rule.name, failure is None, failure or "applies"))
             if failure is None:
-                return Ruling(rule, tuple(findings))
+                return Ruling(record.rule, tuple(findings))
         return Ruling(None, tuple(findings))
 
 
@@ -247,8 +259,7 @@ def check_rules(given: object, origin: str) -> list[Rule]:
         try:
             rules.append(Rule.model_validate(record))
         except ValidationError as error:
-            for fault in error.errors():
-                faults.append(f"  rule {number} ({name}), {path_of(fault['loc'])}: {text_of(fault)}")
+            faults += [f"  rule {number} ({name}), {path_of(f['loc'])}: {text_of(f)}" for f in error.errors()]
     if faults:
         raise DecisionTableError(f"the decision table {origin} has {len(faults)} fault(s):\n" + "\n".join(faults))
     return rules
@@ -257,13 +268,11 @@ def check_rules(given: object, origin: str) -> list[Rule]:
 def build_table(plugins: Plugins, own: Sequence[Mapping[str, Any]] | Path | None = None) -> DecisionTable:
     """The decision table: the user's rules if given, else those of all plugins; by priority, then by order.
 
-    Raises DecisionTableError or PluginError when a rule does not fit its schema or names what is not installed.
+    A fault in the user's rules raises DecisionTableError. A plugin whose rules do not fit is noted as broken, and a
+    plugin's rule that names what is not installed stays in the table, never applies, and says why.
     """
     if own is None:
-        rules = [rule for table in plugins.rules for rule in parse_rules(table.text, f"of {table.origin.plugin}")]
-        source = "\n".join(
-            f"# {table.name}, from {table.origin.plugin}\n{table.text.strip()}\n" for table in plugins.rules
-        )
+        rules, source = _rules_of_plugins(plugins)
     elif isinstance(own, Path):
         try:
             source = own.read_text(encoding="utf-8")
@@ -272,29 +281,78 @@ def build_table(plugins: Plugins, own: Sequence[Mapping[str, Any]] | Path | None
         rules = parse_rules(source, str(own))
     else:
         rules, source = check_rules(list(own), "in the configuration"), _as_yaml(own)
-    for rule in rules:
-        _check_names(rule, plugins)
+    if own is not None:
+        for rule in rules:
+            if (lacking := _lacking(rule, plugins)) is not None:
+                raise DecisionTableError(f"rule {rule.name!r}: {lacking}")
     ordered = sorted(rules, key=lambda rule: -rule.priority)  # sorting is stable: equal priorities keep their order
-    return DecisionTable(tuple(ordered), source)
+    return DecisionTable(tuple(Record(rule, _obstacle(rule, plugins)) for rule in ordered), source)
 
 
-def _check_names(rule: Rule, plugins: Plugins) -> None:
+def _rules_of_plugins(plugins: Plugins) -> tuple[list[Rule], str]:
+    rules: list[Rule] = []
+    source = ""
+    for table in plugins.rules:
+        try:
+            rules += parse_rules(table.text, f"{table.name!r} of {table.origin.plugin}")
+        except DecisionTableError as error:
+            plugins.broken.append(Broken(table.origin, str(error)))
+        else:
+            source += f"# {table.name}, from {table.origin.plugin}\n{table.text.strip()}\n"
+    return rules, source
+
+
+def _named(rule: Rule) -> list[tuple[PluginKind, str]]:
     if rule.reject is not None:
-        return
+        return []
     procedure = rule.procedure
-    wanted: Iterable[tuple[PluginKind, str]] = (
+    return [
         ("matcher", procedure.match.use),
         ("acceptor", procedure.accept.use),
         ("fuser", procedure.fuse.use),
         ("verifier", procedure.verify.use),
-        *(("metric", name) for name in procedure.metric_names),
-        *((("map type", rule.via),) if rule.via else ()),
-    )
-    for kind, name in wanted:
+        *[("metric", name) for name in procedure.metric_names],
+        *([("map type", rule.via)] if rule.via else []),
+    ]
+
+
+def _lacking(rule: Rule, plugins: Plugins) -> str | None:
+    """What the rule names that is not installed, as a sentence."""
+    for kind, name in _named(rule):
         try:
-            plugins.find(kind, name)
-        except Exception as error:
-            raise DecisionTableError(f"rule {rule.name!r}: {error}") from None
+            offered = plugins.find(kind, name)
+        except PluginError as error:
+            return str(error)
+        if offered.missing:
+            return f"the {kind} {name!r} {offered.remedy}"
+    return None
+
+
+def _obstacle(rule: Rule, plugins: Plugins) -> Check:
+    lacking = _lacking(rule, plugins)
+
+    def check(own: str, other: str) -> str | None:
+        if lacking is not None or rule.reject is not None:
+            return lacking
+        meeting = rule.via or own
+        for source in (own, other):
+            if source != meeting and not plugins.converts(source, meeting):
+                return f"there is no conversion from {source} to {meeting}"
+        donated = own if meeting == own else other
+        for kind, name in _named(rule):
+            accepts = plugins.find(kind, name).descriptor.accepts
+            pair = (own, donated) if kind == "fuser" else (meeting, meeting)
+            if kind != "map type" and accepts and not _takes(accepts, pair, kind):
+                return f"the {kind} {name!r} takes {' and '.join(accepts)}, not {' and '.join(dict.fromkeys(pair))}"
+        return None
+
+    return check
+
+
+def _takes(accepts: tuple[str, ...], pair: tuple[str, str], kind: PluginKind) -> bool:
+    if kind in ("matcher", "fuser") and len(accepts) == 2:
+        return accepts == pair
+    return all(map_type in accepts for map_type in pair)
 
 
 def _as_yaml(rules: Sequence[Mapping[str, Any]]) -> str:

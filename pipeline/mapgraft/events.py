@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
-from mapgraft.contracts import Covariance, Exactness, Map, MapType, Measurement, Observation, Transform
+from mapgraft.contracts import Covariance, Exactness, Map, MapMetadata, MapType, Measurement, Observation, Transform
 
 Kind = Literal[
     "offered",  # a donor told its metadata
@@ -61,15 +61,31 @@ class Event:
     exactness: Exactness | None = None
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """One robot's map as of now: its own, the fused one, and what it would offer.
+
+    ``layer`` is the offered layer in its canonical encoding, with ``version`` own observations in it; equal bytes mean
+    equal evidence. ``why`` tells what the snapshot was taken for.
+    """
+
+    robot: str
+    stamp_ns: int
+    why: Literal["before merge", "after merge", "before revert", "after revert", "end"]
+    map_type: MapType
+    own: Map
+    fused: Map
+    layer: bytes
+    metadata: MapMetadata
+    version: int
+    merge_id: str = ""
+
+
 class Sink(Protocol):
     """Where a replay writes to. The replay calls it in order; a sink never answers back."""
 
     def observed(self, observation: Observation) -> None: ...
     def happened(self, event: Event) -> None: ...
-    def mapped(self, robot: str, stamp_ns: int, map_type: MapType, own: Map, fused: Map) -> None:
-        """A robot's own and fused map as of now: before and after each merge and revert, and at the end."""
-        ...
-
-    def transformed(self, stamp_ns: int, T_world_map: Mapping[str, Transform]) -> None:
-        """Where every robot's map frame lies in ``world`` from now on, merged or not."""
+    def mapped(self, snapshot: Snapshot) -> None:
+        """Taken before and after each merge and revert, and of every robot at the end."""
         ...

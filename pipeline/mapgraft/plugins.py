@@ -68,14 +68,15 @@ class Offered:
     @property
     def missing(self) -> tuple[str, ...]:
         """The modules it needs that are not installed."""
-        return tuple(name for name in self.descriptor.requires if importlib.util.find_spec(name) is None)
+        return tuple(name for name in self.descriptor.requires if not _importable(name))
 
     @property
     def remedy(self) -> str:
         """What to install when something is missing; empty when nothing is."""
         if not self.missing:
             return ""
-        what = f"mapgraft[{self.descriptor.extra}]" if self.descriptor.extra else " ".join(self.missing)
+        extra = self.descriptor.extra
+        what = f"{self.origin.distribution}[{extra}]" if extra else " ".join(self.missing)
         return f"needs {', '.join(self.missing)}: pip install '{what}'"
 
 
@@ -113,6 +114,13 @@ class Plugins:
         if self.broken:
             hint += f" ({len(self.broken)} plugin(s) could not be loaded: see 'mapgraft plugins list')"
         raise PluginError(f"there is no {kind} called {name!r}: {hint}")
+
+    def converts(self, source: str, target: str) -> str | None:
+        """The name of the conversion from one map type to another, or None."""
+        for offered in self.of_kind("conversion"):
+            if source in offered.descriptor.accepts and offered.descriptor.gives == target and not offered.missing:
+                return offered.descriptor.name
+        return None
 
     def function(self, kind: PluginKind, name: str) -> Callable[..., object]:
         """The factory behind a name, imported now; raises PluginError when it cannot be."""
@@ -217,3 +225,10 @@ def _origin_of(entry_point: importlib.metadata.EntryPoint) -> Origin:
     if distribution is None:
         return Origin(entry_point.name, entry_point.module, "unknown")
     return Origin(entry_point.name, distribution.name, distribution.version)
+
+
+def _importable(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except ModuleNotFoundError:  # the parent package is missing
+        return False

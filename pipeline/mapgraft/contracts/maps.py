@@ -11,7 +11,10 @@ from mapgraft.contracts.observations import Observation
 
 
 class Region(Protocol):
-    """A set of the map type's finest units (cells, voxels, features). The engine knows only union, minus and len."""
+    """A set of the map type's finest units (cells, voxels, features). The engine knows only union, minus and len.
+
+    It carries what its units mean (the resolution, say); united with a region of other units it raises MapError.
+    """
 
     def union(self, other: Self) -> Self: ...
     def minus(self, other: Self) -> Self: ...
@@ -130,7 +133,8 @@ class OutputMessage:
     """How a viewer sees a map: a ROS 2 message as nested plain values, without its header.
 
     ``suffix`` ends the topic (``/<robot>/<suffix>``); ``message_type`` is e.g. ``nav_msgs/msg/OccupancyGrid``;
-    ``fields`` maps field names to numbers, strings, arrays, lists or nested mappings. The output fills in ``header``.
+    ``fields`` maps field names to numbers, strings, arrays, lists or nested mappings. The output fills in every
+    ``header`` field of the message, at the top and inside (the markers of a MarkerArray have their own).
     """
 
     suffix: str
@@ -143,6 +147,10 @@ class MapType(Protocol):
 
     An instance belongs to one robot. Layers of other instances (other parameters) of the same type may be viewed,
     encoded and placed, because every layer carries the parameters it was made with.
+
+    ``name``, the descriptor's name, ``Layer.map_type``, ``Map.map_type`` and ``MapMetadata.type`` are one word. Only
+    ``integrate``, ``absorb`` and ``reset`` write, and only to the layer they are given; a layer inside a Donation or a
+    Contribution is never written again.
     """
 
     @property
@@ -183,7 +191,10 @@ class MapType(Protocol):
         ...
 
     def reset(self, layer: Layer, foreign: Region, keep: Region) -> Reset:
-        """The paper's discard (section 3.2): set ``foreign`` minus ``keep`` to unknown, in place, and count."""
+        """The paper's discard (section 3.2): set ``foreign`` minus ``keep`` to unknown, in place, and count.
+
+        ``cells_reset`` counts the units that held evidence, ``cells_contaminated`` those in ``foreign`` and ``keep``.
+        """
         ...
 
     def region(self, layer: Layer) -> Region:
@@ -195,7 +206,10 @@ class MapType(Protocol):
         ...
 
     def decode(self, data: bytes) -> Layer:
-        """The inverse of ``encode``; raises MapError when the bytes are not a layer of this type."""
+        """The inverse of ``encode``: a layer of its own that may be integrated into (a copy is decode of encode).
+
+        Raises MapError when the bytes are not a layer of this type.
+        """
         ...
 
     def metadata(self, layer: Layer) -> MapMetadata: ...
@@ -212,7 +226,9 @@ class MapType(Protocol):
 class Conversion(Protocol):
     """Turns a layer of one type into a layer of another; counts survive, not only classes.
 
-    ``target`` is the type instance whose parameters (resolution, …) the result must have.
+    ``target`` is the type instance whose parameters (resolution, …) the result must have. A rule's ``via`` names the
+    type in which two maps are matched and measured; what the fuser then gets is the converted layer where the
+    receiver is of that type, and the donor's layer as it was sent where it is not.
     """
 
     def convert(self, layer: Layer, target: MapType) -> Layer: ...

@@ -13,7 +13,8 @@ from mapgraft.contracts.geometry import Transform
 from mapgraft.contracts.maps import Contribution, Donation, Map, MapType
 from mapgraft.contracts.verification import Measurements
 
-Covariance = NDArray[np.float64]  # (6, 6) of x, y, z (m), roll, pitch, yaw (rad), in the target's frame
+# (6, 6) of x, y, z (m), roll, pitch, yaw (rad), in the target's frame; rows of what a planar map cannot vary are zero
+Covariance = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -28,7 +28,7 @@ class Rays(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scan:
-    """One planar sweep in the sensor frame.
+    """One planar sweep in the sensor frame, its beams in the order in which the message has them (a circle may close).
 
     ``directions`` (n, 2) float64 unit vectors, shared between scans of one geometry; ``ranges_m`` (n,) float32, NaN
     where the beam says nothing (too close, NaN, filtered); ``hits`` (n,) bool, False where the beam saw nothing up to

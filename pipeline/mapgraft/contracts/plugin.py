@@ -8,6 +8,11 @@ A plugin is a module with ``@hookimpl`` functions and one entry point in the gro
     def register_metrics(register):
         register(Descriptor("overlap", "my_package.overlap:Overlap", "shared area over the smaller area",
                             accepts=("occupancy_grid",)))
+
+The hooks are ``register_map_types``, ``register_matchers``, ``register_acceptors``, ``register_fusers``,
+``register_metrics``, ``register_verifiers``, ``register_conversions``, ``register_policies``, ``register_readers``,
+``register_decoders`` and ``register_formats``, each with ``register(Descriptor(...))``, and ``register_rules``, whose
+``register(name, yaml_text)`` takes the text of a decision table.
 """
 
 from __future__ import annotations
@@ -33,7 +38,10 @@ class Descriptor:
     ``name`` is what rules and configurations say; ``factory`` is ``"module:attribute"``, called with keyword arguments
     from the configuration; ``summary`` is one line for ``mapgraft plugins list``.
 
-    Further fields by kind:
+    A factory raises ConfigError when a value is impossible; a keyword it does not have is found by the engine.
+
+    Further fields by kind (acceptors, verifiers and policies have none). Where ``accepts`` is empty every map type will
+    do; where it does not hold the two maps' types, a rule that names the thing does not apply and says so.
 
     ============  =====================================================================================================
     map types     ``observes``: payload kind → preference; a robot whose map type is not configured gets the type with

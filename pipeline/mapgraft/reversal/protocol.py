@@ -8,7 +8,7 @@ from mapgraft.contracts import Contribution, Exactness, Layer, Map, Observation,
 
 
 class Reversal(Protocol):
-    """One robot's evidence with everything that was merged into it. ``exact`` ones leave no trace of what they revert."""
+    """One robot's evidence with everything merged into it. ``exact`` ones leave no trace of what they revert."""
 
     @property
     def name(self) -> Literal["ledger", "single_map", "multi_map"]: ...

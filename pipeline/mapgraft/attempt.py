@@ -1,0 +1,152 @@
+"""One attempt to merge: match, measure the candidates, accept or not, fuse."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+from mapgraft.comparison import Compared, Sight
+from mapgraft.contracts import (
+    Candidate,
+    Contribution,
+    Donation,
+    Layer,
+    MapType,
+    Match,
+    Measurement,
+    Prior,
+    Step,
+    Transform,
+)
+from mapgraft.procedures import Tools, Workshop
+from mapgraft.reversal import Reversal
+
+SAME_PLACE_M, SAME_TURN_RAD = 0.5, 0.0873  # a refused transform stands for all within 0.5 m and 5 degrees
+
+
+@dataclass(frozen=True, slots=True)
+class Grafted:
+    """A match made into a contribution, and what metrics will see of it from now on."""
+
+    match: Match
+    contribution: Contribution
+    comparison: Compared
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """What came of it. ``match`` is the chosen or else the best hypothesis; ``grafted`` is there when accepted."""
+
+    verdict: Literal["provisional", "ambiguous", "unmatched"]
+    reason: str
+    hypotheses: int
+    match: Match | None = None
+    measurements: Sequence[Measurement] = ()
+    grafted: Grafted | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Meeting:
+    """The map type in which receiver and donor are compared, and how each side gets there.
+
+    ``donor_layer`` is the donor's layer in the meeting type, ``donation`` what the fuser gets: in the receiver's type
+    where a conversion leads there, else as the donor sent it.
+    """
+
+    map_type: MapType
+    sight: Sight
+    donor_layer: Layer
+    donation: Donation
+
+
+@dataclass(slots=True)
+class Attempts:
+    """Makes attempts for one receiver, and remembers the transforms that were refused, per donor."""
+
+    workshop: Workshop
+    own_type: MapType
+    reversal: Reversal
+    sights: dict[str, Sight] = field(default_factory=dict)
+    refused: dict[str, list[Transform]] = field(default_factory=dict)
+
+    def make(self, tools: Tools, donation: Donation, prior: Prior | None) -> Attempt:
+        """One attempt with the donor's layer as it is now.
+
+        Raises PluginError when the rule's ``via`` needs a conversion that is not installed.
+        """
+        meeting = self._meet(donation, tools.rule.via)
+        target, source = meeting.sight()[1], meeting.map_type.view(meeting.donor_layer)
+        empty = [side for side, map_ in (("own", target), ("donor's", source)) if map_.known() == 0]
+        if empty:
+            return Attempt("unmatched", f"the {' and the '.join(empty)} map knows nothing yet", 0)
+        found = tools.matcher.match(target, source, prior)
+        matches = [match for match in found if not self._is_refused(donation.provenance.source, match)]
+        if not matches:
+            said = (
+                "the matcher found no hypothesis" if not found else f"all {len(found)} hypotheses were reverted before"
+            )
+            return Attempt("unmatched", said, len(found), found[0] if found else None)
+        return self._accept(tools, meeting, matches, len(found))
+
+    def graft(self, tools: Tools, donation: Donation, match: Match) -> Grafted:
+        """The contribution of a donor's layer under a match that has been accepted."""
+        return self._graft(tools, self._meet(donation, tools.rule.via), match)
+
+    def refuse(self, donor: str, T_receiver_donor: Transform) -> None:
+        """Never again this transform, or one that hardly differs from it."""
+        self.refused.setdefault(donor, []).append(T_receiver_donor)
+
+    def changed(self) -> None:
+        """The receiver's map has changed."""
+        for sight in self.sights.values():
+            sight.changed()
+
+    def _accept(self, tools: Tools, meeting: Meeting, matches: list[Match], hypotheses: int) -> Attempt:
+        candidates = [self._candidate(tools, meeting, match) for match in matches[: tools.rule.candidates]]
+        decision = tools.acceptor.accept(candidates)
+        chosen = candidates[decision.chosen or 0]
+        accepted = decision.verdict == "provisional" and decision.chosen is not None
+        return Attempt(
+            decision.verdict,
+            decision.reason,
+            hypotheses,
+            chosen.match,
+            tuple(chosen.measurements.values()),
+            self._graft(tools, meeting, chosen.match) if accepted else None,
+        )
+
+    def _candidate(self, tools: Tools, meeting: Meeting, match: Match) -> Candidate:
+        T = match.T_receiver_donor.snapped()
+        compared = Compared(meeting.map_type, "own", T, _place(meeting, match), meeting.sight)
+        return Candidate(match, {name: metric.track(compared).update(Step()) for name, metric in tools.metrics.items()})
+
+    def _graft(self, tools: Tools, meeting: Meeting, match: Match) -> Grafted:
+        contribution = tools.fuser.fuse(self.own_type, self.reversal.own(), meeting.donation, match)
+        placed = contribution.layer if meeting.map_type is self.own_type else _place(meeting, match)
+        T = contribution.T_receiver_donor
+        return Grafted(match, contribution, Compared(meeting.map_type, self.reversal.subject, T, placed, meeting.sight))
+
+    def _meet(self, donation: Donation, via: str | None) -> Meeting:
+        own, other = self.own_type.name, donation.layer.map_type
+        name = via or own
+        meeting_type = self.own_type if name == own else self.workshop.map_type(name)
+        if name not in self.sights:
+            conversion = None if name == own else self.workshop.conversion(own, name)
+            self.sights[name] = Sight(self.reversal, meeting_type, conversion)
+        layer = donation.layer
+        if other != name:
+            layer = self.workshop.conversion(other, name).convert(donation.layer, meeting_type)
+        given = Donation(layer, donation.provenance) if name == own else donation
+        return Meeting(meeting_type, self.sights[name], layer, given)
+
+    def _is_refused(self, donor: str, match: Match) -> bool:
+        for T in self.refused.get(donor, ()):
+            shift_m, turn_rad = T.difference(match.T_receiver_donor)
+            if shift_m <= SAME_PLACE_M and turn_rad <= SAME_TURN_RAD:
+                return True
+        return False
+
+
+def _place(meeting: Meeting, match: Match) -> Layer:
+    return meeting.map_type.place(meeting.donor_layer, match.T_receiver_donor, match.scale)

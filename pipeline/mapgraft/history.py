@@ -1,0 +1,153 @@
+"""Turning what happens to one robot into events and snapshots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from mapgraft.attempt import Attempt
+from mapgraft.contracts import Exactness, MapType, Match, Measurement, Provenance, Sample, Transform
+from mapgraft.decision import Ruling
+from mapgraft.events import Event, Kind, Sink, Snapshot
+from mapgraft.merge import Merge
+from mapgraft.procedures import Tools
+from mapgraft.reversal import Reversal
+
+Moment = Literal["before merge", "after merge", "before revert", "after revert", "end"]
+
+
+@dataclass(slots=True)
+class History:
+    """The events of all robots so far, numbered as they happen, and the sink that they go to."""
+
+    sink: Sink
+    events: list[Event] = field(default_factory=list)
+
+    def record(self, kind: Kind, stamp_ns: int, receiver: str, donor: str, **fields: Any) -> None:
+        """Append one event; ``fields`` are those of Event."""
+        event = Event(seq=len(self.events), stamp_ns=stamp_ns, kind=kind, receiver=receiver, donor=donor, **fields)
+        self.events.append(event)
+        self.sink.happened(event)
+
+
+@dataclass(frozen=True, slots=True)
+class Journal:
+    """What one robot tells of itself."""
+
+    history: History
+    robot: str
+    map_type: MapType
+    reversal: Reversal
+
+    def offered(self, stamp_ns: int, provenance: Provenance, size: int) -> None:
+        self._record("offered", stamp_ns, provenance.source, **_of_donor(provenance), bytes_received=size)
+
+    def rejected(self, stamp_ns: int, donor: str, ruling: Ruling) -> None:
+        rule = ruling.rule.name if ruling.rule else ""
+        self._record("rejected", stamp_ns, donor, reason=ruling.reason, by="decision table", rule=rule)
+
+    def forbidden(self, stamp_ns: int, donor: str) -> None:
+        self._record("rejected", stamp_ns, donor, reason="a person forbade this pair", by="person")
+
+    def attempted(
+        self, stamp_ns: int, attempt: Attempt, tools: Tools, merge_id: str, provenance: Provenance, size: int
+    ) -> None:
+        """Merged, ambiguous or unmatched: what came of one attempt."""
+        merged = attempt.grafted is not None
+        kind: Kind = "merged" if merged else "ambiguous" if attempt.verdict == "ambiguous" else "unmatched"
+        T = attempt.grafted.comparison.T_receiver_donor if attempt.grafted else None
+        self._record(
+            kind,
+            stamp_ns,
+            provenance.source,
+            **_of_donor(provenance),
+            **_of_tools(tools),
+            **_of_match(attempt.match, T),
+            merge_id=merge_id,
+            state="provisional" if merged else "candidate",
+            reason=attempt.reason,
+            by=tools.procedure.accept.use,
+            hypotheses=attempt.hypotheses,
+            bytes_received=size,
+            measurements=tuple(attempt.measurements),
+        )
+
+    def changed(
+        self,
+        kind: Kind,
+        stamp_ns: int,
+        merge: Merge,
+        reason: str,
+        by: str,
+        sample: Sample | None = None,
+        exactness: Exactness | None = None,
+        size: int = 0,
+    ) -> None:
+        """Updated, verified, confirmed or reverted: what became of a standing merge."""
+        measurements: Iterable[Measurement] = sample.measurements.values() if sample else ()
+        self._record(
+            kind,
+            stamp_ns,
+            merge.donor,
+            **_of_donor(merge.provenance),
+            **_of_tools(merge.tools),
+            **_of_match(merge.match, merge.comparison.T_receiver_donor),
+            merge_id=merge.merge_id,
+            state=merge.state,
+            reason=reason,
+            by=by,
+            bytes_received=size,
+            measurements=tuple(measurements),
+            exactness=exactness,
+        )
+
+    def snapshot(self, why: Moment, stamp_ns: int, layer: bytes, merge_id: str = "") -> None:
+        """The robot's maps as of now; ``layer`` is what it would offer, encoded."""
+        reversal = self.reversal
+        metadata = self.map_type.metadata(reversal.offered_layer())
+        self.history.sink.mapped(
+            Snapshot(
+                self.robot,
+                stamp_ns,
+                why,
+                self.map_type,
+                reversal.own(),
+                reversal.fused(),
+                layer,
+                metadata,
+                reversal.offered_version,
+                merge_id,
+            )
+        )
+
+    def _record(self, kind: Kind, stamp_ns: int, donor: str, **fields: Any) -> None:
+        mine = {"reversal": self.reversal.name, "receiver_version": self.reversal.offered_version}
+        self.history.record(kind, stamp_ns, self.robot, donor, **mine, **fields)
+
+
+def _of_donor(provenance: Provenance) -> dict[str, Any]:
+    return {"donor_epoch": provenance.epoch, "donor_version": provenance.version}
+
+
+def _of_tools(tools: Tools) -> dict[str, Any]:
+    procedure = tools.procedure
+    return {
+        "rule": tools.rule.name,
+        "matcher": procedure.match.use,
+        "fuser": procedure.fuse.use,
+        "verifier": procedure.verify.use,
+    }
+
+
+def _of_match(match: Match | None, T_receiver_donor: Transform | None) -> dict[str, Any]:
+    if match is None:
+        return {}
+    return {
+        "T_receiver_donor": T_receiver_donor or match.T_receiver_donor,
+        "scale": match.scale,
+        "covariance": match.covariance,
+        "score": match.score,
+        "margin": match.margin,
+        "evidence": match.evidence,
+    }

@@ -1,0 +1,102 @@
+"""Making the tools that a rule names, once each, so that they may remember what they have computed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import cast
+
+from mapgraft.contracts import Acceptor, Conversion, Fuser, MapType, Matcher, Metric, Policy, Verifier
+from mapgraft.decision import Procedure, Rule
+from mapgraft.errors import PluginError
+from mapgraft.plugins import PluginKind, Plugins
+
+METHODS: Mapping[PluginKind, tuple[str, ...]] = {
+    "map type": (
+        "new_layer",
+        "integrate",
+        "view",
+        "place",
+        "absorb",
+        "reset",
+        "region",
+        "encode",
+        "decode",
+        "metadata",
+    ),
+    "matcher": ("match",),
+    "acceptor": ("accept",),
+    "fuser": ("fuse",),
+    "metric": ("track",),
+    "verifier": ("verify",),
+    "conversion": ("convert", "region"),
+    "policy": ("due",),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Tools:
+    """The plugins of one procedure, made with the rule's parameters."""
+
+    procedure: Procedure
+    matcher: Matcher
+    acceptor: Acceptor
+    fuser: Fuser
+    metrics: Mapping[str, Metric]
+    verifier: Verifier
+
+    @property
+    def rule(self) -> Rule:
+        return self.procedure.rule
+
+
+@dataclass(slots=True)
+class Workshop:
+    """Makes tools, map types and conversions from the installed plugins."""
+
+    plugins: Plugins
+    _made: dict[str, Tools] = field(default_factory=dict)
+    _map_types: dict[str, MapType] = field(default_factory=dict)
+
+    def tools(self, rule: Rule) -> Tools:
+        """The tools of a rule that has a procedure; raises PluginError or ConfigError when one cannot be made."""
+        if rule.name not in self._made:
+            procedure = rule.procedure
+            metrics = {
+                name: cast("Metric", self._make("metric", name, rule.metrics.get(name, {})))
+                for name in procedure.metric_names
+            }
+            self._made[rule.name] = Tools(
+                procedure,
+                cast("Matcher", self._make("matcher", procedure.match.use, procedure.match.parameters)),
+                cast("Acceptor", self._make("acceptor", procedure.accept.use, procedure.accept.parameters)),
+                cast("Fuser", self._make("fuser", procedure.fuse.use, procedure.fuse.parameters)),
+                metrics,
+                cast("Verifier", self._make("verifier", procedure.verify.use, procedure.verify.parameters)),
+            )
+        return self._made[rule.name]
+
+    def map_type(self, name: str, parameters: Mapping[str, object] | None = None) -> MapType:
+        """A map type with these parameters; without any, one that is shared by whoever asks."""
+        if parameters:
+            return cast("MapType", self._make("map type", name, parameters))
+        if name not in self._map_types:
+            self._map_types[name] = cast("MapType", self._make("map type", name, {}))
+        return self._map_types[name]
+
+    def conversion(self, source: str, target: str) -> Conversion:
+        """The conversion from one map type to another; raises PluginError when there is none."""
+        name = self.plugins.converts(source, target)
+        if name is None:
+            raise PluginError(f"there is no conversion from {source} to {target}: install a plugin that offers one")
+        return cast("Conversion", self._make("conversion", name, {}))
+
+    def policy(self, name: str, parameters: Mapping[str, object]) -> Policy:
+        return cast("Policy", self._make("policy", name, parameters))
+
+    def _make(self, kind: PluginKind, name: str, parameters: Mapping[str, object]) -> object:
+        made = self.plugins.make(kind, name, parameters)
+        missing = [method for method in METHODS[kind] if not callable(getattr(made, method, None))]
+        if missing:
+            raise PluginError(f"the {kind} {name!r} breaks its contract: it has no method {', '.join(missing)}")
+        return made
