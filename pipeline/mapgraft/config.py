@@ -117,13 +117,17 @@ class VerdictConfig(Section):
 
 
 class MissionConfig(Section):
-    """The timeline: ``aligned`` shifts robots that recorded one after another to a common start."""
+    """The timeline: ``aligned`` shifts robots that recorded one after another to a common start.
+
+    With ``known_poses`` the relative poses that the recording itself tells are priors for every pair of robots.
+    """
 
     start: Literal["aligned", "recorded"] = "aligned"
     start_s: Seconds | None = None
     end_s: Seconds | None = None
     every: Annotated[int, Field(ge=1)] = 1
     typestore: str = "ros2_humble"
+    known_poses: bool = False
 
 
 class OutputConfig(Section):

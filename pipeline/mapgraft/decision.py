@@ -306,14 +306,16 @@ def _named(rule: Rule) -> list[tuple[PluginKind, str]]:
     if rule.reject is not None:
         return []
     procedure = rule.procedure
-    return [
+    named: list[tuple[PluginKind, str]] = [
         ("matcher", procedure.match.use),
         ("acceptor", procedure.accept.use),
         ("fuser", procedure.fuse.use),
         ("verifier", procedure.verify.use),
-        *[("metric", name) for name in procedure.metric_names],
-        *([("map type", rule.via)] if rule.via else []),
     ]
+    named += [("metric", name) for name in procedure.metric_names]
+    if rule.via:
+        named.append(("map type", rule.via))
+    return named
 
 
 def _lacking(rule: Rule, plugins: Plugins) -> str | None:

@@ -1,0 +1,199 @@
+"""The core loop with a map type of a stranger's: offer, merge, go on mapping, verify, revert."""
+
+from __future__ import annotations
+
+import pytest
+from beacons import Beacons
+
+from mapgraft.config import VerdictConfig
+from mapgraft.contracts import Meeting, Prior, Situation, Transform
+from mapgraft.decision import build_table
+from mapgraft.events import Event, Snapshot
+from mapgraft.history import History, Journal
+from mapgraft.persons import Hand, planar_covariance
+from mapgraft.procedures import Workshop
+from mapgraft.replay import Exchange, replay
+from mapgraft.reversal import new_reversal
+from mapgraft.robot import Robot
+
+SECOND = 1_000_000_000
+
+
+class Memory:
+    """A sink that keeps everything."""
+
+    def __init__(self) -> None:
+        self.events: list[Event] = []
+        self.snapshots: list[Snapshot] = []
+
+    def observed(self, observation) -> None:
+        pass
+
+    def happened(self, event) -> None:
+        self.events.append(event)
+
+    def mapped(self, snapshot) -> None:
+        self.snapshots.append(snapshot)
+
+
+class At:
+    """A policy: everybody meets at these stamps."""
+
+    def __init__(self, *stamps_s: int) -> None:
+        self.stamps_ns = [s * SECOND for s in stamps_s]
+
+    def due(self, situation: Situation) -> list[Meeting]:
+        return [Meeting(ns) for ns in self.stamps_ns if situation.previous_ns < ns <= situation.now_ns]
+
+
+@pytest.fixture
+def play(plugins, hear):
+    """Replays tuples (second, robot, places…) and gives back the memory and the robots."""
+
+    def run(*observations, meet=(), reversal="ledger", hand=None):
+        memory = Memory()
+        history, workshop, table = History(memory), Workshop(plugins), build_table(plugins)
+        robots = {}
+        for name in sorted({robot for _, robot, *_ in observations}):
+            map_type = Beacons()
+            kept = new_reversal(reversal, map_type)
+            journal = Journal(history, name, map_type, kept)
+            robots[name] = Robot(name, map_type, kept, table, workshop, hand or Hand(), journal)
+        stream = [hear(robot, *at, stamp_ns=second * SECOND) for second, robot, *at in observations]
+        exchange = Exchange(At(*meet), robots)
+        assert replay(stream, robots, exchange, memory) == len(stream)
+        return memory, robots, exchange
+
+    return run
+
+
+ALIKE = ((0, "alpha", 0, 2, 5), (0, "bravo", 10, 12, 15))
+
+
+def kinds(memory: Memory, receiver: str = "alpha") -> list[str]:
+    return [event.kind for event in memory.events if event.receiver == receiver]
+
+
+def test_two_robots_merge_and_confirm(play):
+    memory, robots, exchange = play(*ALIKE, (2, "alpha", 5), (3, "alpha", 0), (4, "alpha", 2), meet=(1,))
+    assert kinds(memory) == ["offered", "merged", "verified", "verified", "confirmed", "verified"]
+    merged = memory.events[1]
+    assert merged.merge_id == "alpha.bravo.1"
+    assert merged.T_receiver_donor.x_m == -10.0
+    assert merged.rule == "beacons with beacons"
+    assert merged.measurements[0].name == "disagreement"
+    assert dict(robots["alpha"].reversal.fused().counts) == {0: 3, 2: 3, 5: 3}
+    assert exchange.traffic.sent["bravo", "alpha"] == sum(
+        e.bytes_received for e in memory.events if e.receiver == "alpha"
+    )
+    assert [e.seq for e in memory.events] == list(range(len(memory.events)))
+
+
+def test_a_wrong_merge_is_found_out_by_further_mapping_and_taken_out(play):
+    memory, robots, _ = play(*ALIKE, (2, "alpha", 3), meet=(1,))
+    assert kinds(memory) == ["offered", "merged", "reverted"]
+    reverted = memory.events[-2] if memory.events[-1].receiver != "alpha" else memory.events[-1]
+    assert reverted.exactness.exact
+    assert "1 beacons disagree" in reverted.reason
+    assert dict(robots["alpha"].reversal.fused().counts) == {0: 1, 2: 1, 3: 1, 5: 1}
+
+
+@pytest.mark.parametrize("reversal", ("ledger", "multi_map"))
+def test_the_bytes_after_a_revert_are_those_of_a_run_without_the_merge(play, reversal):
+    observations = (*ALIKE, (2, "alpha", 3), (3, "alpha", 4))
+    memory, robots, _ = play(*observations, meet=(1,), reversal=reversal)
+    _, alone, _ = play(*observations, reversal=reversal)
+    assert "reverted" in kinds(memory)
+    assert robots["alpha"].encoded_layer() == alone["alpha"].encoded_layer()
+
+
+def test_a_reverted_transform_is_not_tried_again(play):
+    memory, _, _ = play(*ALIKE, (2, "alpha", 3), meet=(1, 5))
+    assert kinds(memory) == ["offered", "merged", "reverted"]
+    memory, _, _ = play(*ALIKE, (2, "alpha", 3), (6, "alpha", 3), meet=(1, 5))
+    second = [e for e in memory.events if e.receiver == "alpha" and e.merge_id == "alpha.bravo.2"]
+    assert all(e.T_receiver_donor is None or e.T_receiver_donor.x_m != -10.0 for e in second)
+
+
+def test_a_donor_that_goes_on_mapping_is_brought_up_to_date(play):
+    memory, robots, _ = play(*ALIKE, (2, "bravo", 20), (4, "alpha", 0), meet=(1, 3))
+    assert "updated" in kinds(memory)
+    assert robots["alpha"].reversal.fused().counts[10] == 1
+
+
+def test_a_single_map_keeps_the_version_it_merged(play):
+    memory, robots, _ = play(*ALIKE, (2, "bravo", 20), (4, "alpha", 0), meet=(1, 3), reversal="single_map")
+    assert "updated" not in kinds(memory)
+    assert 10 not in robots["alpha"].reversal.fused().counts
+
+
+def test_nothing_to_compare_is_rejected_by_the_table_with_the_reason(play):
+    memory, _, _ = play((0, "alpha", 0), (0, "bravo", 1, 3), (2, "alpha", 4), meet=(1,))
+    assert kinds(memory) == ["offered", "rejected"]
+    assert memory.events[1].reason == (
+        "no rule applies: 'beacons with beacons': own.known_area_m2 is 1, the rule wants at least 2"
+    )
+
+
+def test_too_little_in_common_is_unmatched(play):
+    memory, _, _ = play((0, "alpha", 0, 1), (0, "bravo", 0, 5), (2, "alpha", 1), meet=(1,))
+    assert kinds(memory) == ["offered", "unmatched"]
+    assert memory.events[1].reason == "too little in common"
+
+
+def test_a_person_forbids_a_pair_both_ways(play):
+    hand = Hand(forbidden=frozenset({frozenset(("alpha", "bravo"))}))
+    memory, _, _ = play(*ALIKE, (2, "alpha", 5), meet=(1,), hand=hand)
+    assert kinds(memory) == ["offered", "rejected"]
+    assert kinds(memory, "bravo") == ["offered", "rejected"]
+    assert memory.events[1].by == "person"
+
+
+def test_a_person_reverts_and_what_follows_is_as_if_it_had_not_been(play):
+    verdict = VerdictConfig(merge="alpha.bravo.1", action="revert", by="ann", reason="other building")
+    memory, robots, _ = play(*ALIKE, (2, "alpha", 5), meet=(1,), hand=Hand(verdicts={verdict.merge: verdict}))
+    assert kinds(memory)[:3] == ["offered", "merged", "reverted"]
+    reverted = next(e for e in memory.events if e.kind == "reverted")
+    assert reverted.by == "person ann"
+    assert reverted.reason == "a person said revert: other building"
+    assert robots["alpha"].merges == {}
+
+
+def test_a_person_confirms_and_the_verifier_no_longer_reverts(play):
+    verdict = VerdictConfig(merge="alpha.bravo.1", action="confirm")
+    memory, robots, _ = play(*ALIKE, (2, "alpha", 3), meet=(1,), hand=Hand(verdicts={verdict.merge: verdict}))
+    assert kinds(memory) == ["offered", "merged", "confirmed", "verified", "verified"]
+    assert robots["alpha"].merges["bravo"].state == "confirmed"
+
+
+def test_snapshots_are_taken_around_merges_and_reverts_and_at_the_end(play):
+    memory, _, _ = play(*ALIKE, (2, "alpha", 3), meet=(1,))
+    why = [s.why for s in memory.snapshots if s.robot == "alpha"]
+    assert why == ["before merge", "after merge", "before revert", "after revert", "end"]
+    before, after, *_ = (s for s in memory.snapshots if s.robot == "alpha")
+    assert before.layer == after.layer  # the own evidence is never touched
+    assert before.fused != after.fused
+
+
+def test_three_robots_know_each_other_only_by_raw_layers(play):
+    """bravo's share reaches alpha once, although charlie has merged bravo too."""
+    memory, robots, _ = play(*ALIKE, (0, "charlie", 30, 32, 35), (2, "alpha", 0), meet=(1,))
+    assert robots["alpha"].reversal.fused().counts[2] == 3
+    assert {e.donor for e in memory.events if e.kind == "merged" and e.receiver == "alpha"} == {"bravo", "charlie"}
+
+
+def test_a_policy_may_name_the_pairs(play, plugins):
+    class OneWay:
+        def due(self, situation: Situation) -> list[Meeting]:
+            return [Meeting(situation.now_ns, (("alpha", "bravo"),))] if situation.ending else []
+
+    memory, robots, _ = play(*ALIKE)
+    Exchange(OneWay(), robots).until(SECOND, ending=True)
+    assert "merged" in kinds(memory)
+    assert kinds(memory, "bravo") == []
+
+
+def test_a_prior_is_a_fact_of_the_table(play):
+    prior = Prior(Transform.identity(), planar_covariance(0.1, 0.1), "test")
+    memory, _, _ = play(*ALIKE, (2, "alpha", 5), meet=(1,), hand=Hand(priors={("alpha", "bravo"): prior}))
+    assert "merged" in kinds(memory)

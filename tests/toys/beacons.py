@@ -1,0 +1,254 @@
+"""A plugin with a map type that is nothing like a grid: counts of beacons heard along a line.
+
+The engine must carry it all the same.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from mapgraft.contracts import (
+    Candidate,
+    Comparison,
+    Contribution,
+    Decision,
+    Descriptor,
+    Donation,
+    EmptyMapError,
+    Map,
+    MapError,
+    MapMetadata,
+    MapType,
+    Match,
+    Measurement,
+    Observation,
+    OutputMessage,
+    Prior,
+    Reset,
+    Sample,
+    Step,
+    Tracker,
+    Transform,
+    Verdict,
+    hookimpl,
+)
+
+BEACONS = "beacons"
+
+
+@dataclass(frozen=True)
+class Places:
+    """A region: whole metres on the line."""
+
+    at: frozenset[int]
+
+    def union(self, other: Places) -> Places:
+        return Places(self.at | other.at)
+
+    def minus(self, other: Places) -> Places:
+        return Places(self.at - other.at)
+
+    def __len__(self) -> int:
+        return len(self.at)
+
+
+@dataclass
+class Heard:
+    """A layer: how often a beacon was heard at each whole metre."""
+
+    counts: Counter[int] = field(default_factory=Counter)
+    map_type: str = BEACONS
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A view: the same, read-only."""
+
+    counts: Mapping[int, int]
+    map_type: str = BEACONS
+
+    def known(self) -> int:
+        return len(self.counts)
+
+
+class Beacons:
+    """The map type. Its observations are tuples of whole metres at which a beacon was heard."""
+
+    name = BEACONS
+
+    def new_layer(self) -> Heard:
+        return Heard()
+
+    def integrate(self, layer: Heard, observation: Observation) -> Places:
+        layer.counts.update(observation.payload)
+        return Places(frozenset(observation.payload))
+
+    def view(
+        self,
+        own: Heard | None,
+        contributions: Sequence[Contribution] = (),
+        previous: Chart | None = None,
+        touched: Places | None = None,
+    ) -> Chart:
+        layers = [own.counts] if own else []
+        layers += [contribution.layer.counts for contribution in contributions]
+        if previous is None or touched is None:
+            return Chart({at: n for at in sorted(set().union(*layers)) if (n := sum(c[at] for c in layers))})
+        counts = dict(previous.counts)
+        for at in touched.at:
+            if n := sum(c[at] for c in layers):
+                counts[at] = n
+            else:
+                counts.pop(at, None)
+        return Chart(dict(sorted(counts.items())))
+
+    def place(self, layer: Heard, T_receiver_donor: Transform, scale: float = 1.0) -> Heard:
+        if not layer.counts:
+            raise EmptyMapError("there is no beacon to place")
+        shift = round(T_receiver_donor.x_m)
+        return Heard(Counter({at + shift: n for at, n in layer.counts.items()}))
+
+    def absorb(self, layer: Heard, contribution: Contribution) -> Places:
+        layer.counts.update(contribution.layer.counts)
+        return Places(frozenset(contribution.layer.counts))
+
+    def reset(self, layer: Heard, foreign: Places, keep: Places) -> Reset:
+        gone = foreign.minus(keep)
+        for at in gone.at:
+            layer.counts.pop(at, None)
+        return Reset(gone, len(gone), len(foreign) - len(gone))
+
+    def region(self, layer: Heard) -> Places:
+        return Places(frozenset(layer.counts))
+
+    def encode(self, layer: Heard) -> bytes:
+        return json.dumps(sorted((at, n) for at, n in layer.counts.items() if n)).encode()
+
+    def decode(self, data: bytes) -> Heard:
+        try:
+            return Heard(Counter({int(at): int(n) for at, n in json.loads(data)}))
+        except (ValueError, TypeError) as error:
+            raise MapError(f"these bytes are no beacons: {error}") from None
+
+    def metadata(self, layer: Heard) -> MapMetadata:
+        return MapMetadata(BEACONS, known_area_m2=float(len(layer.counts)), observations=sum(layer.counts.values()))
+
+    def messages(self, map_: Chart) -> Iterable[OutputMessage]:
+        return [OutputMessage("map", "std_msgs/msg/String", {"data": json.dumps(list(map_.counts.items()))})]
+
+    def files(self, map_: Chart, stem: str) -> Mapping[str, bytes]:
+        return {f"{stem}.csv": "".join(f"{at},{n}\n" for at, n in map_.counts.items()).encode()}
+
+
+class Slide:
+    """The matcher: every shift, the one with most beacons in common first."""
+
+    def match(self, target: Chart, source: Chart, prior: Prior | None = None) -> Sequence[Match]:
+        shifts = Counter(a - b for a in target.counts for b in source.counts)
+        best = sorted(shifts.items(), key=lambda item: (-item[1], item[0]))[:3]
+        return [
+            Match(Transform.planar(shift, 0.0, 0.0), n, n - (best[1][1] if len(best) > 1 else 0)) for shift, n in best
+        ]
+
+
+class FirstOne:
+    """The acceptor: the first candidate, if enough is in common."""
+
+    def __init__(self, *, least: float = 2.0) -> None:
+        self.least = least
+
+    def accept(self, candidates: Sequence[Candidate]) -> Decision:
+        if not candidates or candidates[0].match.score < self.least:
+            return Decision("unmatched", None, "too little in common")
+        return Decision("provisional", 0, "enough in common")
+
+
+class Sum:
+    """The fuser: the donor's counts as they are."""
+
+    def fuse(self, map_type: MapType, target: Map, source: Donation, match: Match) -> Contribution:
+        T = match.T_receiver_donor.snapped()
+        placed = map_type.place(source.layer, T)
+        return Contribution(source.provenance, placed, T, 1.0, "whole metres", None, None, map_type.region(placed))
+
+
+class Disagreement:
+    """The metric: beacons of one map inside the other's span that the other has not heard."""
+
+    def track(self, comparison: Comparison) -> Tracker:
+        return _Disagreeing(comparison)
+
+
+@dataclass
+class _Disagreeing:
+    comparison: Comparison
+
+    def update(self, step: Step) -> Measurement:
+        own, donor = self.comparison.target.counts, self.comparison.donor.counts
+        low, high = max(min(own), min(donor)), min(max(own), max(donor))
+        inside = {at for at in own.keys() ^ donor.keys() if low <= at <= high}
+        return Measurement("disagreement", float(len(inside)), "beacons", max(0, high - low + 1), "lower")
+
+
+class AtMost:
+    """The verifier: reverts above a limit, confirms after some observations."""
+
+    def __init__(self, *, limit: float = 0.0, confirm_after: int = 1000) -> None:
+        self.limit, self.confirm_after = limit, confirm_after
+
+    def verify(self, history: Sequence[Sample], reversal: str) -> Verdict:
+        now = history[-1]
+        value = now.measurements["disagreement"].value
+        if value > self.limit:
+            return Verdict("revert", f"{value:.0f} beacons disagree, {self.limit:.0f} may")
+        if now.observations >= self.confirm_after:
+            return Verdict("confirm", f"nothing disagreed in {now.observations} observations")
+        return Verdict("keep", "nothing disagrees")
+
+
+RULES = """
+- name: beacons with beacons
+  when: {own.type: beacons, other.type: beacons, own.known_area_m2: {min: 2}, other.known_area_m2: {min: 2}}
+  match: {use: slide}
+  accept: {use: first_one, metrics: [disagreement]}
+  fuse: {use: sum}
+  verify: {use: at_most, metrics: [disagreement], every: 1, confirm_after: 3}
+"""
+
+
+@hookimpl
+def register_map_types(register):
+    register(Descriptor("beacons", "beacons:Beacons", "beacons on a line", observes={"heard": 1}))
+
+
+@hookimpl
+def register_matchers(register):
+    register(Descriptor("slide", "beacons:Slide", "every shift", accepts=("beacons",)))
+
+
+@hookimpl
+def register_acceptors(register):
+    register(Descriptor("first_one", "beacons:FirstOne", "the first candidate"))
+
+
+@hookimpl
+def register_fusers(register):
+    register(Descriptor("sum", "beacons:Sum", "the sum of both", accepts=("beacons",)))
+
+
+@hookimpl
+def register_metrics(register):
+    register(Descriptor("disagreement", "beacons:Disagreement", "what only one has heard", accepts=("beacons",)))
+
+
+@hookimpl
+def register_verifiers(register):
+    register(Descriptor("at_most", "beacons:AtMost", "a limit on disagreement"))
+
+
+@hookimpl
+def register_rules(register):
+    register("beacons", RULES)
