@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft.contracts import Rays, Transform
+from mapgraft.contracts import Points, Rays, Transform
 from mapgraft_grid.kernels import sketch
 from mapgraft_grid.kernels.tile_keys import TILE, tile_key, tile_x, tile_y
 from mapgraft_grid.parameters import Lattice, TraceLimits
@@ -90,17 +90,15 @@ class Traces:
         return keys[order], rows[order]
 
     def path(self, lattice: Lattice) -> Path:
-        steps = np.array(self.poses(), np.float64).reshape(-1, 4)[:, 1:]
-        size_m = lattice.resolution_m / sketch.STEPS_PER_CELL
-        xy = (steps[:, :2] + 0.5) * size_m + lattice.anchor_m
-        return np.column_stack((xy, steps[:, 2] / YAW_STEPS_PER_RAD))
+        steps = np.array(self.poses(), np.int64).reshape(-1, 4)
+        return np.column_stack((_metres(steps[:, 1:3], lattice), steps[:, 3] / YAW_STEPS_PER_RAD))
 
     def rays(self, lattice: Lattice) -> Rays:
         """The kept rays in metres: origins (n, 2), ends (n, 2), hits (n,)."""
         keys, rows = self.ray_rows()
         corners = np.array([(tile_x(key), tile_y(key)) for key in keys.tolist()], np.int64).reshape(-1, 2) * _SIDE
-        ends = self._metres(corners + rows[:, :2], lattice)
-        origins = self._metres(corners + rows[:, 2:4], lattice)
+        ends = _metres(corners + rows[:, :2], lattice)
+        origins = _metres(corners + rows[:, 2:4], lattice)
         return Rays(origins, ends, rows[:, sketch.HIT] > 0)
 
     def _grow(self, capacity: int) -> None:
@@ -112,6 +110,12 @@ class Traces:
 
 
 _NO_RAYS: Final = np.empty((0, 5), np.int32)
+
+
+def _metres(steps: NDArray[np.int64], lattice: Lattice) -> Points:
+    """The middle of steps (n, 2) of 1/256 cell, in metres."""
+    metres: Points = (steps + 0.5) * (lattice.resolution_m / sketch.STEPS_PER_CELL) + np.array(lattice.anchor_m)
+    return metres
 
 
 def _rank(pose: Pose) -> int:
