@@ -19,6 +19,7 @@ from mapgraft.contracts import (
     Step,
     Transform,
 )
+from mapgraft.errors import MapError, MapgraftError, PluginError
 from mapgraft.procedures import Tools, Workshop
 from mapgraft.reversal import Reversal
 
@@ -73,8 +74,20 @@ class Attempts:
     def make(self, tools: Tools, donation: Donation, prior: Prior | None) -> Attempt:
         """One attempt with the donor's layer as it is now.
 
-        Raises PluginError when the rule's ``via`` needs a conversion that is not installed.
+        What a plugin refuses with a MapError comes back as unmatched, with its sentence; raises PluginError when a
+        plugin fails in any other way.
         """
+        try:
+            return self._try(tools, donation, prior)
+        except MapError as error:
+            return Attempt("unmatched", str(error), 0)
+        except MapgraftError:
+            raise
+        except Exception as error:
+            uses = f"matcher {tools.procedure.match.use!r}, fuser {tools.procedure.fuse.use!r}"
+            raise PluginError(f"rule {tools.rule.name!r} ({uses}) failed: {type(error).__name__}: {error}") from error
+
+    def _try(self, tools: Tools, donation: Donation, prior: Prior | None) -> Attempt:
         meeting = self._meet(donation, tools.rule.via)
         target, source = meeting.sight()[1], meeting.map_type.view(meeting.donor_layer)
         empty = [side for side, map_ in (("own", target), ("donor's", source)) if map_.known() == 0]
@@ -134,11 +147,16 @@ class Attempts:
         if name not in self.sights:
             conversion = None if name == own else self.workshop.conversion(own, name)
             self.sights[name] = Sight(self.reversal, meeting_type, conversion)
-        layer = donation.layer
-        if other != name:
-            layer = self.workshop.conversion(other, name).convert(donation.layer, meeting_type)
-        given = Donation(layer, donation.provenance) if name == own else donation
-        return Meeting(meeting_type, self.sights[name], layer, given)
+        met = self._converted(donation.layer, meeting_type)
+        donated = met if name == own else donation.layer
+        if name != own and self.workshop.plugins.converts(other, own):
+            donated = self._converted(donation.layer, self.own_type)
+        return Meeting(meeting_type, self.sights[name], met, Donation(donated, donation.provenance))
+
+    def _converted(self, layer: Layer, target: MapType) -> Layer:
+        if layer.map_type == target.name:
+            return layer
+        return self.workshop.conversion(layer.map_type, target.name).convert(layer, target)
 
     def _is_refused(self, donor: str, match: Match) -> bool:
         for T in self.refused.get(donor, ()):

@@ -340,7 +340,7 @@ def _obstacle(rule: Rule, plugins: Plugins) -> Check:
         for source in (own, other):
             if source != meeting and not plugins.converts(source, meeting):
                 return f"there is no conversion from {source} to {meeting}"
-        donated = own if meeting == own else other
+        donated = own if meeting == own or plugins.converts(other, own) else other
         for kind, name in _named(rule):
             accepts = plugins.find(kind, name).descriptor.accepts
             pair = (own, donated) if kind == "fuser" else (meeting, meeting)

@@ -45,8 +45,9 @@ class Map(Protocol):
 class MapMetadata:
     """What a robot tells about its map before it sends it (a few hundred bytes).
 
-    ``bounds_m`` is (x_min, y_min, x_max, y_max) of what is known, in the map's own frame; ``quality`` in [0, 1] where
-    the type can judge it; ``mapper`` names what made the map (``scans``, ``ready map``); ``can_send`` names what may
+    ``bounds_m`` is (x_min, y_min, x_max, y_max) of what is known, in the map's own frame; ``known_area_m2`` is the area
+    that was looked at; ``sensor`` names what saw it, as the recording does; ``quality`` in [0, 1] where the type can
+    judge it; ``mapper`` names what made the map (``scans``, ``ready map``); ``can_send`` names what may
     travel with the layer (``rays``, ``path``, …); ``extra`` holds further plain values that rules may ask for.
     """
 
@@ -150,7 +151,7 @@ class MapType(Protocol):
 
     ``name``, the descriptor's name, ``Layer.map_type``, ``Map.map_type`` and ``MapMetadata.type`` are one word. Only
     ``integrate``, ``absorb`` and ``reset`` write, and only to the layer they are given; a layer inside a Donation or a
-    Contribution is never written again.
+    Contribution is never written again. The engine hands a type only layers, maps and regions of that type.
     """
 
     @property
@@ -227,8 +228,8 @@ class Conversion(Protocol):
     """Turns a layer of one type into a layer of another; counts survive, not only classes.
 
     ``target`` is the type instance whose parameters (resolution, …) the result must have. A rule's ``via`` names the
-    type in which two maps are matched and measured; what the fuser then gets is the converted layer where the
-    receiver is of that type, and the donor's layer as it was sent where it is not.
+    type in which two maps are matched and measured; what the fuser then gets is the donor's layer in the receiver's
+    type where a conversion leads there, and as it was sent where none does.
     """
 
     def convert(self, layer: Layer, target: MapType) -> Layer: ...

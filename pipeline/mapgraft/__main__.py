@@ -1,0 +1,5 @@
+"""``python -m mapgraft``."""
+
+from mapgraft.cli import main
+
+main()

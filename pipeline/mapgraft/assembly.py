@@ -1,0 +1,92 @@
+"""Making the robots of a mission from its configuration and the installed plugins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from mapgraft.config import Config, MapConfig
+from mapgraft.contracts import MapType
+from mapgraft.decision import build_table
+from mapgraft.errors import ConfigError
+from mapgraft.events import Sink
+from mapgraft.history import History, Journal
+from mapgraft.persons import Hand, given_priors, recorded_priors
+from mapgraft.plugins import Plugins
+from mapgraft.procedures import Workshop
+from mapgraft.replay import Exchange
+from mapgraft.reversal import new_reversal
+from mapgraft.robot import Robot
+
+if TYPE_CHECKING:
+    from mapgraft.recording.mission import Mission
+
+
+@dataclass(frozen=True, slots=True)
+class Assembly:
+    """Everything a replay needs, made from a mission, a configuration and the installed plugins."""
+
+    robots: Mapping[str, Robot]
+    exchange: Exchange
+    history: History
+
+
+def assemble(mission: Mission, config: Config, plugins: Plugins, sink: Sink) -> Assembly:
+    """Make the robots of a mission; raises ConfigError or PluginError when something does not fit."""
+    workshop, table, history = Workshop(plugins), build_table(plugins, config.rules), History(sink)
+    hand = hand_of(config, mission)
+    robots: dict[str, Robot] = {}
+    for source in mission.robots:
+        map_type = map_type_of(source.name, source.kinds, config, workshop)
+        robot_config = config.robots.get(source.name)
+        reversal_name = (robot_config.reversal if robot_config else None) or config.reversal
+        reversal = new_reversal(reversal_name, map_type)
+        journal = Journal(history, source.name, map_type, reversal)
+        robots[source.name] = Robot(source.name, map_type, reversal, table, workshop, hand, journal)
+    policy = workshop.policy(config.exchange.use, config.exchange.parameters)
+    return Assembly(robots, Exchange(policy, robots, mission.T_world_map), history)
+
+
+def map_type_of(name: str, kinds: Iterable[str], config: Config, workshop: Workshop) -> MapType:
+    """The map type of one robot: as configured, else the installed one that prefers what the robot observes."""
+    robot = config.robots.get(name)
+    own, default = robot.map if robot else MapConfig(), config.map
+    chosen = own.type or default.type or preferred_type(kinds, workshop.plugins)
+    inherited = default.parameters if default.type in (None, chosen) else {}
+    parameters = {**inherited, **(own.parameters if own.type in (None, chosen) else {})}
+    try:
+        return workshop.map_type(chosen, parameters or None)
+    except ConfigError as error:
+        raise ConfigError(f"robots.{name}.map: {error}") from None
+
+
+def preferred_type(kinds: Iterable[str], plugins: Plugins) -> str:
+    """The map type that prefers these payload kinds most; raises ConfigError when none takes any of them."""
+    wanted = sorted(set(kinds))
+    ranked = sorted(
+        (-offered.descriptor.observes[kind], offered.descriptor.name)
+        for offered in plugins.of_kind("map type")
+        for kind in wanted
+        if kind in offered.descriptor.observes
+    )
+    if not ranked:
+        raise ConfigError(
+            f"no installed map type observes {', '.join(wanted) or 'nothing'}: see 'mapgraft plugins list'"
+        )
+    return ranked[0][1]
+
+
+def hand_of(config: Config, mission: Mission) -> Hand:
+    """What persons said, checked against the robots there are; raises ConfigError for a name that is none."""
+    names = sorted(source.name for source in mission.robots)
+    said = {name for prior in config.priors for name in (prior.receiver, prior.donor)}
+    said |= {name for pair in config.forbid for name in pair}
+    if unknown := sorted(said - set(names)):
+        raise ConfigError(f"there is no robot {', '.join(unknown)}: the recording has {', '.join(names)}")
+    told = recorded_priors(mission.T_world_map) if config.mission.known_poses else {}
+    return Hand(
+        priors={**told, **given_priors(config.priors)},
+        forbidden=frozenset(frozenset(pair) for pair in config.forbid),
+        verdicts={verdict.merge: verdict for verdict in config.verdicts},
+    )

@@ -1,0 +1,219 @@
+"""The command line. Results go to stdout, everything else to stderr; no traceback unless ``--debug`` asks for it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mapgraft import __version__
+from mapgraft.errors import MapgraftError
+
+INTERRUPTED = 130  # what a shell expects of a program that Ctrl-C ended
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    help="Graft the maps of several recorded robots into each other, verify, and take a wrong graft out again.",
+)
+plugins_app = typer.Typer(no_args_is_help=True, help="What is installed.")
+app.add_typer(plugins_app, name="plugins")
+
+Files = Annotated[
+    list[Path] | None, typer.Argument(help="Recordings: MCAP, ROS 1 bag, ROS 2 bag, CARMEN log, map.yaml.")
+]
+ConfigFile = Annotated[Path | None, typer.Option("--config", "-c", help="Configuration, YAML or TOML.")]
+NoPlugin = Annotated[list[str] | None, typer.Option("--no-plugin", help="Leave a plugin out, by its entry point.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
+Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+Start = Annotated[float | None, typer.Option("--start", help="Seconds after the first stamp to begin at.")]
+End = Annotated[float | None, typer.Option("--end", help="Seconds after the first stamp to end at.")]
+EveryNth = Annotated[int | None, typer.Option("--every", help="Use every n-th scan only.")]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"mapgraft {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _top(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say the version.")
+    ] = False,
+    debug: Debug = False,
+) -> None:
+    pass
+
+
+@app.command()
+def info(
+    files: Files = None,
+    config: ConfigFile = None,
+    json: Json = False,
+    no_plugin: NoPlugin = None,
+    debug: Debug = False,
+) -> None:
+    """What is in a recording: robots, topics, poses that would be used, and what is wrong with it."""
+    from mapgraft.commands.info import show_info
+
+    show_info(files or [], config, as_json=json, without=no_plugin or [])
+
+
+@app.command()
+def run(
+    files: Files = None,
+    config: ConfigFile = None,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder to write to.")] = Path("mapgraft-out"),
+    start: Start = None,
+    end: End = None,
+    every: EveryNth = None,
+    reversal: Annotated[str | None, typer.Option(help="ledger, single_map or multi_map, for every robot.")] = None,
+    prior: Annotated[list[str] | None, typer.Option(help="Known pose: RECEIVER,DONOR=X,Y,YAW (m, rad).")] = None,
+    forbid: Annotated[list[str] | None, typer.Option(help="Never merge this pair: A,B.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+    json: Json = False,
+    no_plugin: NoPlugin = None,
+    debug: Debug = False,
+) -> None:
+    """Replay recordings, merge the robots' maps, verify, revert; without a file the demo recording."""
+    from mapgraft.commands.run import Overrides, run_and_show
+
+    overrides = Overrides(start, end, every, reversal, tuple(prior or ()), tuple(forbid or ()))
+    run_and_show(files or [], config, out, overrides, quiet=quiet, as_json=json, without=no_plugin or [])
+
+
+Out = Annotated[Path, typer.Argument(help="The folder of an earlier run.")]
+MergeId = Annotated[str, typer.Argument(help="A merge id, RECEIVER.DONOR.N, as the run's table shows it.")]
+By = Annotated[str, typer.Option("--by", help="Who says so; kept in the event.")]
+Reason = Annotated[str, typer.Option("--reason", help="Why; kept in the event.")]
+
+
+@app.command()
+def revert(
+    out: Out, merge: MergeId, by: By = "", reason: Reason = "", json: Json = False, debug: Debug = False
+) -> None:
+    """Take one merge of an earlier run out, and compute everything that follows again."""
+    from mapgraft.commands.hand import pass_verdict
+
+    pass_verdict(out, merge, "revert", by, reason, as_json=json)
+
+
+@app.command()
+def confirm(
+    out: Out, merge: MergeId, by: By = "", reason: Reason = "", json: Json = False, debug: Debug = False
+) -> None:
+    """Confirm one merge of an earlier run: no verifier takes it out any more."""
+    from mapgraft.commands.hand import pass_verdict
+
+    pass_verdict(out, merge, "confirm", by, reason, as_json=json)
+
+
+@app.command()
+def forbid(
+    out: Out,
+    merge: Annotated[str, typer.Argument(help="A merge id, or a pair A,B.")],
+    json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Never merge the two robots of a merge, and compute the run again without it."""
+    from mapgraft.commands.hand import forbid_pair
+
+    forbid_pair(out, merge, as_json=json)
+
+
+@app.command()
+def convert(
+    source: Annotated[list[Path], typer.Argument(help="CARMEN logs, ROS 1 bags, ROS 2 bags.")],
+    out: Annotated[Path, typer.Argument(help="The MCAP file to write.")],
+    debug: Debug = False,
+) -> None:
+    """Convert recordings to one ROS 2 MCAP."""
+    from mapgraft.commands.convert import convert_and_show
+
+    convert_and_show(source, out)
+
+
+@app.command()
+def decide(
+    files: Files = None,
+    config: ConfigFile = None,
+    rules: Annotated[Path | None, typer.Option("--rules", help="A decision table to try instead.")] = None,
+    own: Annotated[list[str] | None, typer.Option(help="A field of the receiver's metadata: NAME=VALUE.")] = None,
+    other: Annotated[list[str] | None, typer.Option(help="A field of the donor's metadata: NAME=VALUE.")] = None,
+    prior: Annotated[bool, typer.Option(help="A prior is known.")] = False,
+    reversal: Annotated[str, typer.Option(help="How the receiver keeps merges.")] = "ledger",
+    json: Json = False,
+    no_plugin: NoPlugin = None,
+    debug: Debug = False,
+) -> None:
+    """Say, rule by rule, what the decision table chooses for two maps, and why."""
+    from mapgraft.commands.decide import Question, explain
+
+    question = Question(tuple(own or ()), tuple(other or ()), prior, reversal)
+    explain(files or [], config, rules, question, as_json=json, without=no_plugin or [])
+
+
+@plugins_app.command("list")
+def plugins_list(json: Json = False, no_plugin: NoPlugin = None, debug: Debug = False) -> None:
+    """Every plugin with what it offers, and those that could not be loaded."""
+    from mapgraft.commands.plugins import list_plugins
+
+    list_plugins(as_json=json, without=no_plugin or [])
+
+
+@plugins_app.command("show")
+def plugins_show(
+    name: Annotated[str, typer.Argument(help="A matcher, fuser, metric, …, by name.")],
+    json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """One plugin's thing: what it is, where it comes from, its parameters."""
+    from mapgraft.commands.plugins import show_plugin
+
+    show_plugin(name, as_json=json)
+
+
+def main() -> None:
+    """The entry point of the command ``mapgraft``."""
+    sys.exit(invoke(sys.argv[1:]))
+
+
+def invoke(arguments: list[str]) -> int:
+    """Run one command line and return its exit code: 0 done, 1 the job failed, 2 wrong usage, 130 interrupted."""
+    import click
+
+    debug = "--debug" in arguments
+    try:
+        code = app(args=arguments, prog_name="mapgraft", standalone_mode=False)
+        return code if isinstance(code, int) else 0
+    except click.exceptions.Exit as exit_:
+        return exit_.exit_code
+    except click.ClickException as error:
+        error.show(sys.stderr)
+        return 2
+    except MapgraftError as error:
+        if debug:
+            raise
+        return _fail(str(error), error.exit_code)
+    except (KeyboardInterrupt, click.exceptions.Abort):
+        return _fail("interrupted; what was decided before is on disk", INTERRUPTED)
+    except BrokenPipeError:
+        sys.stderr.close()  # whoever read our output has gone away: nothing more to say
+        return 1
+    except Exception as error:
+        if debug:
+            raise
+        return _fail(f"internal error, {type(error).__name__}: {error}; run again with --debug to see where", 1)
+
+
+def _fail(sentence: str, code: int) -> int:
+    from mapgraft.console import plain
+
+    sys.stderr.write(f"mapgraft: {plain(sentence)}\n")
+    return code

@@ -1,0 +1,16 @@
+"""``mapgraft convert``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from mapgraft.console import cell, results
+
+
+def convert_and_show(sources: Sequence[Path], out: Path) -> None:
+    """Convert and say what was written and what was left out."""
+    from mapgraft.recording.writing import convert
+
+    report = convert(list(sources), out)
+    results().print(cell(str(report)))

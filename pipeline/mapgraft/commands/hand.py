@@ -1,0 +1,52 @@
+"""``mapgraft revert``, ``confirm``, ``forbid``: a person's word on an earlier run, and the run made again with it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Literal
+
+from mapgraft.commands.overrides import parse_pair
+from mapgraft.commands.run import run_with_progress
+from mapgraft.commands.summary import as_json_summary, print_summary
+from mapgraft.config import Config, VerdictConfig
+from mapgraft.console import print_json
+from mapgraft.errors import UsageError
+from mapgraft.plugins import load_plugins
+from mapgraft.remember import Remembered, recall
+
+
+def pass_verdict(
+    out: Path, merge_id: str, action: Literal["revert", "confirm"], by: str, reason: str, *, as_json: bool
+) -> None:
+    """Add a verdict to what the run remembers, and run again; raises UsageError when there is no such merge."""
+    remembered = recall(out)
+    _check_merge(out, merge_id)
+    verdict = VerdictConfig(merge=merge_id, action=action, by=by, reason=reason)
+    others = [known for known in remembered.config.verdicts if known.merge != merge_id]
+    _again(out, remembered, remembered.config.model_copy(update={"verdicts": [*others, verdict]}), as_json=as_json)
+
+
+def forbid_pair(out: Path, merge: str, *, as_json: bool) -> None:
+    """Forbid the two robots of a merge, or a pair ``A,B``, and run again."""
+    remembered = recall(out)
+    pair = parse_pair("forbid", merge) if "," in merge else _check_merge(out, merge)
+    forbidden = [*remembered.config.forbid, pair]
+    _again(out, remembered, remembered.config.model_copy(update={"forbid": forbidden}), as_json=as_json)
+
+
+def _check_merge(out: Path, merge_id: str) -> tuple[str, str]:
+    """The receiver and donor of a merge that the run made."""
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    merges = {merge["merge_id"]: merge for merge in summary["merges"]}
+    if merge_id not in merges:
+        raise UsageError(f"{out} has no merge {merge_id!r}: it made {', '.join(merges) or 'none'}")
+    return str(merges[merge_id]["receiver"]), str(merges[merge_id]["donor"])
+
+
+def _again(out: Path, remembered: Remembered, config: Config, *, as_json: bool) -> None:
+    result = run_with_progress(remembered.files, config, out, load_plugins(), quiet=as_json)
+    if as_json:
+        print_json(as_json_summary(result))
+    else:
+        print_summary(result)

@@ -1,0 +1,48 @@
+"""``mapgraft run``: the main job, with progress and a summary a person can read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from mapgraft.commands.overrides import Overrides
+from mapgraft.commands.progress import ProgressSink
+from mapgraft.commands.summary import as_json_summary, print_summary
+from mapgraft.config import Config
+from mapgraft.console import cell, print_json, remarks
+from mapgraft.plugins import Plugins, load_plugins
+from mapgraft.run import Result, as_config, demo, run
+
+__all__ = ["Overrides", "run_and_show"]
+
+
+def run_and_show(
+    files: Sequence[Path],
+    config: Path | None,
+    out: Path,
+    overrides: Overrides,
+    *,
+    quiet: bool,
+    as_json: bool,
+    without: Sequence[str],
+) -> None:
+    """Run, and print what came of it."""
+    plugins = load_plugins(without)
+    for broken in plugins.broken:
+        remarks().print(cell(f"the plugin {broken.origin.plugin} could not be loaded: {broken.reason}"), style="yellow")
+    paths = list(files)
+    if not paths:
+        paths, demo_config = demo()
+        config = config or demo_config
+    checked = overrides.apply(as_config(config))
+    result = run_with_progress(paths, checked, out, plugins, quiet=quiet or as_json)
+    if as_json:
+        print_json(as_json_summary(result))
+    else:
+        print_summary(result)
+
+
+def run_with_progress(files: Sequence[Path], config: Config, out: Path, plugins: Plugins, *, quiet: bool) -> Result:
+    """Run with a bar on stderr."""
+    with ProgressSink(None, quiet=quiet) as progress:
+        return run(files, config, out, plugins=plugins, sinks=[progress])

@@ -1,0 +1,128 @@
+"""What came of a run, for persons and for machines."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+from rich.table import Table
+
+from mapgraft.console import cell, results
+from mapgraft.events import Event
+from mapgraft.run import Result
+
+
+def print_summary(result: Result) -> None:
+    """Three short tables: what happened to every merge, what every robot has, and where it was written."""
+    console = results()
+    merges = _merges(result.events)
+    if merges:
+        console.print(_merge_table(merges))
+    console.print(_robot_table(result))
+    standing = len(result.standing)
+    if not standing:
+        console.print(f"No merge stands at the end. {_why_not(result.events)}")
+    else:
+        reverted = sum(event.kind == "reverted" for event in result.events)
+        console.print(f"{standing} merge{'s' * (standing != 1)} standing, {reverted} reverted.")
+    if result.folder:
+        console.print(cell(f"Written to {result.folder}"))
+
+
+def as_json_summary(result: Result) -> dict[str, Any]:
+    """The same for machines; times in nanoseconds, transforms as x_m, y_m, yaw_rad."""
+    return {
+        "run_id": result.run_id,
+        "folder": str(result.folder) if result.folder else None,
+        "observations": result.observations,
+        "events": dict(Counter(event.kind for event in result.events)),
+        "merges": [_as_json(events) for events in _merges(result.events)],
+        "standing": sorted(result.standing),
+        "robots": {
+            name: {"observations": snapshot.version, "known_area_m2": snapshot.metadata.known_area_m2}
+            for name, snapshot in sorted(result.maps.items())
+        },
+        "bytes": [
+            {"donor": donor, "receiver": receiver, "bytes": size}
+            for (donor, receiver), size in sorted(result.traffic.items())
+        ],
+    }
+
+
+def _merges(events: Sequence[Event]) -> list[list[Event]]:
+    """The events of every merge that was made, each merge's in order."""
+    made = [event.merge_id for event in events if event.kind == "merged"]
+    return [[event for event in events if event.merge_id == merge_id] for merge_id in made]
+
+
+def _merge_table(merges: Sequence[Sequence[Event]]) -> Table:
+    table = Table(title="Merges", title_justify="left", box=None, header_style="bold", pad_edge=False)
+    for column, justify in (
+        ("merge", "left"),
+        ("at", "right"),
+        ("x, y, yaw of the donor", "right"),
+        ("outcome", "left"),
+    ):
+        table.add_column(column, justify="right" if justify == "right" else "left", no_wrap=column != "outcome")
+    start_ns = min(events[0].stamp_ns for events in merges)
+    for events in merges:
+        first, last = events[0], _decisive(events)
+        T = last.T_receiver_donor
+        pose = "" if T is None else f"{T.x_m:.2f} m, {T.y_m:.2f} m, {math.degrees(T.yaw_rad):.1f}°"
+        outcome = last.state + (f": {last.reason}" if last.kind in ("confirmed", "reverted") else "")
+        style = {"reverted": "red", "confirmed": "green"}.get(last.state, "")
+        table.add_row(cell(first.merge_id), _seconds(first.stamp_ns - start_ns), pose, cell(outcome), style=style)
+    return table
+
+
+def _robot_table(result: Result) -> Table:
+    table = Table(title="Robots", title_justify="left", box=None, header_style="bold", pad_edge=False)
+    for column in ("robot", "observations", "own map", "merged from", "received"):
+        table.add_column(column, justify="left" if column in ("robot", "merged from") else "right")
+    for name, snapshot in sorted(result.maps.items()):
+        donors = [event.donor for event in result.standing.values() if event.receiver == name]
+        received = sum(size for (_, receiver), size in result.traffic.items() if receiver == name)
+        table.add_row(
+            cell(name),
+            f"{snapshot.version:,}",
+            f"{snapshot.metadata.known_area_m2:,.0f} m²",
+            cell(", ".join(sorted(donors)) or "nobody"),
+            f"{received / 1000:,.0f} kB",
+        )
+    return table
+
+
+def _decisive(events: Sequence[Event]) -> Event:
+    """The event that tells best how a merge ended: the last that is more than a measurement."""
+    return next((event for event in reversed(events) if event.kind not in ("verified", "updated")), events[-1])
+
+
+def _why_not(events: Sequence[Event]) -> str:
+    """The most telling reason when nothing was merged."""
+    for kind in ("reverted", "ambiguous", "unmatched", "rejected"):
+        found = [event for event in events if event.kind == kind]
+        if found:
+            last = found[-1]
+            return f"Last {kind}: {last.receiver} ← {last.donor}, {last.reason}."
+    return "No robot met another: with one robot, or no exchange, there is nothing to merge."
+
+
+def _as_json(events: Sequence[Event]) -> dict[str, Any]:
+    first, last = events[0], events[-1]
+    T = last.T_receiver_donor
+    return {
+        "merge_id": first.merge_id,
+        "receiver": first.receiver,
+        "donor": first.donor,
+        "stamp_ns": first.stamp_ns,
+        "state": last.state,
+        "reason": _decisive(events).reason,
+        "T_receiver_donor": None if T is None else {"x_m": T.x_m, "y_m": T.y_m, "yaw_rad": T.yaw_rad},
+        "events": dict(Counter(event.kind for event in events)),
+    }
+
+
+def _seconds(ns: int) -> str:
+    return f"{ns / 1e9:.1f} s"

@@ -1,0 +1,181 @@
+"""The main job as one call: files and a configuration in, a result out, everything written on the way."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ruamel.yaml import YAML
+
+from mapgraft import __version__
+from mapgraft.assembly import assemble
+from mapgraft.config import Config, load_config, parse_config
+from mapgraft.contracts import Observation
+from mapgraft.decision import DecisionTable, build_table
+from mapgraft.errors import UsageError
+from mapgraft.events import Event, Sink, Snapshot
+from mapgraft.outputs.provenance import InputFile, RunProvenance, run_id_of
+from mapgraft.plugins import Plugins, load_plugins
+from mapgraft.replay import replay
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+HAND_FIELDS = ("priors", "forbid", "verdicts")  # what persons say afterwards does not make it another run
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What came of a run. ``maps`` holds every robot's last snapshot: ``maps["alpha"].fused.dense()`` for a grid."""
+
+    run_id: str
+    folder: Path | None
+    events: Sequence[Event]
+    maps: Mapping[str, Snapshot]
+    observations: int
+    traffic: Mapping[tuple[str, str], int]
+
+    @property
+    def events_table(self) -> pa.Table:
+        """One row per event, in the schema of ``events/``."""
+        from mapgraft.outputs.tables import events_table
+
+        return events_table(self.events, self.run_id)
+
+    @property
+    def metrics_table(self) -> pa.Table:
+        """One row per measurement, in the schema of ``metrics/``."""
+        from mapgraft.outputs.tables import metrics_table
+
+        return metrics_table(self.events, self.run_id)
+
+    @property
+    def standing(self) -> Mapping[str, Event]:
+        """The last event of every merge that stands at the end, by merge id."""
+        last = {event.merge_id: event for event in self.events if event.merge_id}
+        return {merge_id: event for merge_id, event in last.items() if event.state in ("provisional", "confirmed")}
+
+
+@dataclass(slots=True)
+class Fan:
+    """A sink that hands everything to several, and remembers every robot's last snapshot."""
+
+    sinks: Sequence[Sink]
+    last: dict[str, Snapshot] = field(default_factory=dict)
+
+    def observed(self, observation: Observation) -> None:
+        for sink in self.sinks:
+            sink.observed(observation)
+
+    def happened(self, event: Event) -> None:
+        for sink in self.sinks:
+            sink.happened(event)
+
+    def mapped(self, snapshot: Snapshot) -> None:
+        self.last[snapshot.robot] = snapshot
+        for sink in self.sinks:
+            sink.mapped(snapshot)
+
+
+def run(
+    files: Sequence[Path | str] = (),
+    config: Config | Mapping[str, Any] | Path | str | None = None,
+    out: Path | str | None = None,
+    *,
+    plugins: Plugins | None = None,
+    sinks: Sequence[Sink] = (),
+) -> Result:
+    """Replay recordings, merge the robots' maps, and write everything to the folder ``out`` if one is given.
+
+    Without files the embedded demo recording is replayed. ``config`` is a Config, a mapping, or the path of a YAML or
+    TOML file. ``sinks`` get everything that happens, too. Raises MapgraftError with one sentence; what was decided
+    before is on disk.
+    """
+    from mapgraft.outputs.run_folder import RunFolder
+    from mapgraft.recording.mission import open_mission
+
+    if not files:
+        files, demo_config = demo()
+        config = demo_config if config is None else config
+    paths, plugins = [Path(file) for file in files], plugins or load_plugins()
+    checked = as_config(config)
+    with open_mission(paths, checked, plugins=plugins) as mission:
+        table = build_table(plugins, checked.rules)
+        provenance = provenance_of(paths, checked, plugins, table)
+        run_id = run_id_of(replace(provenance, config_text=config_text(checked, without=HAND_FIELDS)))
+        folder = RunFolder(Path(out), paths[0], run_id, provenance) if out is not None else None
+        fan = Fan([*sinks, *([folder] if folder else [])])
+        try:
+            assembly = assemble(mission, checked, plugins, fan)
+            count = replay(mission.observations(), assembly.robots, assembly.exchange, fan)
+            if count == 0:
+                raise RecordingError(nothing_to_map(mission))
+        except BaseException:
+            if folder:
+                folder.abort()
+            raise
+        if folder:
+            folder.finish()
+    traffic: Traffic = assembly.exchange.traffic
+    return Result(run_id, folder.path if folder else None, assembly.history.events, fan.last, count, traffic.sent)
+
+
+def as_config(given: Config | Mapping[str, Any] | Path | str | None) -> Config:
+    """A checked configuration from whatever form it comes in; raises ConfigError with every fault."""
+    if isinstance(given, Config):
+        return given
+    if isinstance(given, Path | str):
+        return load_config(Path(given))
+    return parse_config(given or {})
+
+
+def demo() -> tuple[list[Path], Path]:
+    """The embedded demo recording and its configuration; raises UsageError where it is not installed."""
+    try:
+        from mapgraft_recordings import demo_files
+    except ImportError as error:
+        raise UsageError(f"the demo recording is not installed ({error}): name a recording") from None
+    files, config, _expected = demo_files()
+    return files, config
+
+
+def provenance_of(
+    paths: Sequence[Path], config: Config, plugins: Plugins, table: DecisionTable, clock: datetime | None = None
+) -> RunProvenance:
+    """What a run is made of. ``clock`` is when it was started (default: now)."""
+    origins = {offered.origin for offered in plugins.offered.values()}
+    return RunProvenance(
+        version=__version__,
+        config_text=config_text(config),
+        decision_table_text=table.source,
+        inputs=[InputFile(str(path), *_digest(path)) for path in paths],
+        started_at=clock or datetime.now(UTC),
+        host=platform.node(),
+        plugins={origin.plugin: f"{origin.distribution} {origin.version}" for origin in origins},
+    )
+
+
+def config_text(config: Config, without: Sequence[str] = ()) -> str:
+    """The configuration as YAML with every default filled in."""
+    content = config.model_dump(mode="json", exclude=set(without))
+    buffer = io.StringIO()
+    YAML(typ="safe", pure=True).dump(content, buffer)
+    return buffer.getvalue()
+
+
+def _digest(path: Path) -> tuple[str, int]:
+    """The SHA-256 and size of a file, or of everything in a folder in the order of the names."""
+    files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
+    digest, size = hashlib.sha256(), 0
+    for file in files:
+        with file.open("rb") as stream:
+            digest.update(hashlib.file_digest(stream, "sha256").digest())
+        size += file.stat().st_size
+    return digest.hexdigest(), size
