@@ -1,0 +1,83 @@
+"""Occupancy grids: the map type, its matcher, fuser, metrics and rules."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mapgraft.contracts import GRID_MESSAGE, SCAN, Descriptor, Register, RegisterRules, hookimpl
+
+_GRID = ("occupancy_grid",)
+
+
+@hookimpl
+def register_map_types(register: Register) -> None:
+    register(
+        Descriptor(
+            "occupancy_grid",
+            "mapgraft_grid.map_type:OccupancyGrid",
+            "hits and misses per cell, from planar scans or ready-made grids",
+            observes={SCAN: 50, GRID_MESSAGE: 50},
+        )
+    )
+
+
+@hookimpl
+def register_matchers(register: Register) -> None:
+    register(
+        Descriptor(
+            "carpin",
+            "mapgraft_grid.carpin:Carpin",
+            "Hough spectra for the rotation, axis spectra for the shift (Carpin 2008); any two resolutions",
+            accepts=_GRID,
+        )
+    )
+
+
+@hookimpl
+def register_fusers(register: Register) -> None:
+    register(
+        Descriptor(
+            "log_odds",
+            "mapgraft_grid.log_odds:LogOdds",
+            "adds the donor's log-odds 0 to 3 times, as the quality of both maps says window by window",
+            accepts=_GRID,
+        )
+    )
+
+
+@hookimpl
+def register_metrics(register: Register) -> None:
+    register(
+        Descriptor(
+            "similarity",
+            "mapgraft_grid.similarity:Similarity",
+            "share of equal cells among those that both maps know (the paper's SM)",
+            accepts=_GRID,
+        )
+    )
+    register(
+        Descriptor(
+            "distance",
+            "mapgraft_grid.distance:Distance",
+            "mean L1 distance between cells of the same class in both maps (the paper's modified DM)",
+            accepts=_GRID,
+        )
+    )
+
+
+@hookimpl
+def register_rules(register: RegisterRules) -> None:
+    register("occupancy grids", (Path(__file__).parent / "rules.yaml").read_text(encoding="utf-8"))
+
+
+@hookimpl
+def register_formats(register: Register) -> None:
+    register(
+        Descriptor(
+            "map_server",
+            "mapgraft_grid.map_server:read",
+            "grids as map_server saves them: an image and a YAML file beside it",
+            accepts=(".yaml", ".yml"),
+            gives=GRID_MESSAGE,
+        )
+    )

@@ -1,0 +1,38 @@
+"""Plugins for any map type: known poses, acceptance and verification by thresholds."""
+
+from __future__ import annotations
+
+from mapgraft.contracts import Descriptor, Register, hookimpl
+
+
+@hookimpl
+def register_matchers(register: Register) -> None:
+    register(
+        Descriptor(
+            "known_pose",
+            "mapgraft_standard.known_pose:KnownPose",
+            "takes the relative pose that somebody knows, with its covariance",
+        )
+    )
+
+
+@hookimpl
+def register_acceptors(register: Register) -> None:
+    register(
+        Descriptor(
+            "thresholds",
+            "mapgraft_standard.acceptance:Thresholds",
+            "limits on score, margin, evidence and metrics; says ambiguous when two candidates pass",
+        )
+    )
+
+
+@hookimpl
+def register_verifiers(register: Register) -> None:
+    register(
+        Descriptor(
+            "thresholds",
+            "mapgraft_standard.thresholds:Thresholds",
+            "limits per metric and reversal, with patience before a revert and new support before a confirmation",
+        )
+    )
