@@ -1,40 +1,64 @@
-"""The map type ``occupancy_grid``."""
+"""The map type ``occupancy_grid``: everything the engine asks of it, in one place."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Final
 
 import numpy as np
 
-from mapgraft.contracts import GRID_MESSAGE, SCAN, Contribution, Layer, Map, MapError, Observation, Region, Scan
-from mapgraft_grid.foreign import Applications, own_evidence
+from mapgraft.contracts import (
+    GRID_MESSAGE,
+    SCAN,
+    ConfigError,
+    Contribution,
+    EmptyMapError,
+    GridMessage,
+    Layer,
+    Map,
+    MapError,
+    MapMetadata,
+    Observation,
+    OutputMessage,
+    Region,
+    Reset,
+    Scan,
+    Transform,
+)
+from mapgraft_grid import baking, codec, map_server, observing, placing, views
+from mapgraft_grid.foreign import Applications
 from mapgraft_grid.grid_map import GridMap
-from mapgraft_grid.kernels import rays, sketch, viewing
-from mapgraft_grid.layer import FROM_SCANS, NAME, GridLayer
+from mapgraft_grid.layer import NAME, GridLayer
 from mapgraft_grid.parameters import (
-    CELL_LIMIT,
+    LOG_ODDS_PER_NAT,
     Lattice,
     SensorModel,
     Thresholds,
     TraceLimits,
     in_fixed_point,
     log_odds,
-    require,
 )
 from mapgraft_grid.region import GridRegion
-from mapgraft_grid.tile_tree import Tile, TileTree
 
-_NO_BEAM_POSES = np.zeros((0, 3))
+_MOST_NATS: Final = 10.0  # of one look: 65 535 of them fit the evidence of one source
+_MOST_CLAMP: Final = 31.0  # nats: what fits int16
+_LONGEST_BEAM: Final = 1 << 19  # cells
+_MOST_TRACES: Final = 4096  # per tile
 
 
 class OccupancyGrid:
-    """Occupancy grids of hits and misses per cell.
+    """Occupancy grids that count hits and misses per cell, one update per cell and scan, a hit winning over a miss.
 
-    ``l_hit`` and ``l_miss`` (nats) are the evidence of one hit and one miss (OctoMap's values), ``clamp`` (nats) bounds
-    what a reader sees. A cell is occupied above the probability ``occupied``, free below ``free`` (map_server's
-    values). Beams are used up to ``max_range_m``; a beam without return frees at most ``free_range_m`` (Cartographer's
-    values). Raises ConfigError on an impossible value.
+    ``l_hit`` and ``l_miss`` (nats) are the evidence of one hit and one miss (OctoMap's values). ``clamp`` (nats) bounds
+    what a reader sees; nothing is clamped when writing. A cell is occupied above the probability ``occupied`` and free
+    below ``free`` (map_server's values). A beam that returned from within ``max_range_m`` hits the cell it ends in; any
+    other beam is free up to its range, ``free_range_m`` or ``max_range_m``, whichever is least (Cartographer's values).
+    Of beams and poses a layer keeps at most ``rays_per_tile`` and ``poses_per_tile``, one beam per ``beam_step_deg``,
+    one pose per ``path_step_m`` or ``path_step_deg``.
+
+    An instance whose robot sends ready-made maps takes the lattice of the first one, and places others' layers on it.
+    Raises ConfigError on an impossible value.
     """
 
     def __init__(
@@ -50,35 +74,55 @@ class OccupancyGrid:
         free_range_m: float = 5.0,
         rays_per_tile: int = 64,
         poses_per_tile: int = 256,
+        beam_step_deg: float = 5.0,
+        path_step_m: float = 0.1,
+        path_step_deg: float = 5.0,
     ) -> None:
-        require(
-            0 < resolution_m < math.inf, f"resolution_m must be above 0, found {resolution_m}: give metres per cell"
+        self._lattice = Lattice(_within("resolution_m", resolution_m, 1e-6, 1e6))
+        self._sensor_model = SensorModel(
+            in_fixed_point(_within("l_hit", l_hit, 1 / LOG_ODDS_PER_NAT, _MOST_NATS)),
+            in_fixed_point(_within("l_miss", l_miss, -_MOST_NATS, -1 / LOG_ODDS_PER_NAT)),
         )
-        require(0 < l_hit <= 10, f"l_hit must lie in (0, 10] nats, found {l_hit}")
-        require(-10 <= l_miss < 0, f"l_miss must lie in [-10, 0) nats, found {l_miss}")
-        require(0 < free < occupied < 1, f"free < occupied must be probabilities, found {free} and {occupied}")
-        self._lattice = Lattice(resolution_m)
-        self._sensor_model = SensorModel(in_fixed_point(l_hit), in_fixed_point(l_miss))
-        self.thresholds = Thresholds(
-            in_fixed_point(log_odds(occupied)), in_fixed_point(log_odds(free)), in_fixed_point(clamp)
+        self.thresholds = _thresholds(occupied, free, clamp)
+        longest_m = _LONGEST_BEAM * resolution_m
+        far_m = _within("max_range_m", max_range_m, 0.0, longest_m)
+        self._reach_m = (far_m, min(far_m, _within("free_range_m", free_range_m, 0.0, longest_m)))
+        self._limits = TraceLimits(
+            int(_within("rays_per_tile", rays_per_tile, 0, _MOST_TRACES)),
+            int(_within("poses_per_tile", poses_per_tile, 0, _MOST_TRACES)),
+            math.radians(_within("beam_step_deg", beam_step_deg, 0.0, 360.0)),
+            _within("path_step_m", path_step_m, 0.0, 1e6),
+            math.radians(_within("path_step_deg", path_step_deg, 0.0, 360.0)),
         )
-        self._reach = (max_range_m, free_range_m)
-        self._limits = TraceLimits(rays_per_tile, poses_per_tile)
         self._applications = Applications()
 
     @property
     def name(self) -> str:
         return NAME
 
+    @property
+    def resolution_m(self) -> float:
+        """The side of the cells on which other layers are placed."""
+        return self._lattice.resolution_m
+
     def new_layer(self) -> GridLayer:
         return GridLayer(self._lattice, self._sensor_model, self._limits)
 
     def integrate(self, layer: Layer, observation: Observation) -> GridRegion:
-        grid = _grid(layer)
-        if isinstance(observation.payload, Scan):
-            return self._integrate_scan(grid, observation, observation.payload)
+        """Count a scan, or take a ready-made map in the place of what was there; never both in one layer.
+
+        Raises MapError on anything else, and on positions that are not finite or beyond ±2³⁰ cells; the layer is then
+        as before.
+        """
+        grid, payload = _grid(layer), observation.payload
+        if isinstance(payload, Scan):
+            return observing.add_scan(grid, observation, payload, self._reach_m)
+        if isinstance(payload, GridMessage):
+            region = observing.replace_content(grid, observation, payload, self.thresholds)
+            self._lattice = grid.lattice
+            return region
         raise MapError(
-            f"an occupancy grid is made from {SCAN} or {GRID_MESSAGE}, found {observation.kind!r} of "
+            f"an occupancy grid is made from a {SCAN} or a {GRID_MESSAGE}, found a {observation.kind} of "
             f"{observation.robot}: choose another map type for this robot"
         )
 
@@ -89,69 +133,141 @@ class OccupancyGrid:
         previous: Map | None = None,
         touched: Region | None = None,
     ) -> GridMap:
+        """Own evidence plus, for each contribution, the donor's times the weight of the tile; then clamped.
+
+        In a tile of weight 0 the donor's evidence counts once in the cells of ``fill`` and not at all in the others.
+        Raises MapError when a contribution does not lie on the own layer's lattice.
+        """
         layer = self.new_layer() if own is None else _grid(own)
         foreign = self._applications.total(layer.lattice, contributions)
-        if isinstance(previous, GridMap) and isinstance(touched, GridRegion) and previous.lattice == layer.lattice:
-            keys, tiles, known = touched.keys, previous.tiles, previous.known()
-        else:
-            keys, tiles, known = np.union1d(layer.pool.index.keys, foreign.index.keys), TileTree(), 0
-        evidence = own_evidence(layer, layer.pool.index.find(keys))
-        values = np.empty(evidence.shape, np.int16)
-        counts = np.empty(keys.size, np.int32)
-        limits = self.thresholds
-        viewing.read(
-            evidence,
-            foreign.index.find(keys),
-            foreign.tiles,
-            limits.clamp,
-            limits.free,
-            limits.occupied,
-            values,
-            counts,
-        )
-        changes: dict[int, Tile | None] = {}
-        for key, value, count in zip(keys.tolist(), values, counts.tolist(), strict=True):
-            before = tiles.get(key)
-            known += max(count, 0) - (before.known if before else 0)
-            if count < 0:
-                changes[key] = None
-            else:
-                cells = value.copy()
-                cells.setflags(write=False)
-                changes[key] = Tile(cells, count)
-        return GridMap(layer.lattice, limits, tiles.changed(changes), known)
+        if (
+            isinstance(previous, GridMap)
+            and isinstance(touched, GridRegion)
+            and previous.lattice == layer.lattice
+            and previous.thresholds == self.thresholds
+        ):
+            return views.updated(previous, layer, foreign, touched.keys)
+        return views.fresh(layer, foreign, self.thresholds)
 
-    def _integrate_scan(self, layer: GridLayer, observation: Observation, scan: Scan) -> GridRegion:
-        lattice = layer.lattice
-        beams = np.empty((scan.ranges_m.size, 4))
-        kinds = np.empty(scan.ranges_m.size, np.uint8)
-        poses = _NO_BEAM_POSES if scan.T_sensor_beam is None else scan.T_sensor_beam
-        status, keys, free, hit = rays.cast(
-            scan.directions,
-            scan.ranges_m,
-            scan.hits,
-            poses,
-            observation.T_map_sensor.matrix,
-            (lattice.resolution_m, *lattice.anchor_m),
-            self._reach,
-            beams,
-            kinds,
+    def place(self, layer: Layer, T_receiver_donor: Transform, scale: float = 1.0) -> GridLayer:
+        """The layer's counts and traces on this instance's lattice; ``resampler`` names the rule.
+
+        On cells as fine or finer, each takes the counts of the donor's cell at its centre. On coarser cells every donor
+        cell goes where its centre lies, occupied ones win, and free ones are averaged. Integer arithmetic throughout.
+        Raises EmptyMapError when there is nothing to place.
+        """
+        return placing.place(_grid(layer), T_receiver_donor, scale, self._lattice, self.thresholds)
+
+    def resampler(self, layer: Layer, scale: float = 1.0) -> str:
+        """What ``Contribution.resampler`` says of a layer placed by this instance."""
+        return placing.resampler(_grid(layer).lattice.resolution_m, self.resolution_m, scale)
+
+    def absorb(self, layer: Layer, contribution: Contribution) -> GridRegion:
+        grid = _grid(layer)
+        return baking.absorb(grid, self._applications.one(grid.lattice, contribution))
+
+    def reset(self, layer: Layer, foreign: Region, keep: Region) -> Reset:
+        return baking.reset(_grid(layer), _region(foreign), _region(keep))
+
+    def region(self, layer: Layer) -> GridRegion:
+        return baking.touched(_grid(layer))
+
+    def encode(self, layer: Layer) -> bytes:
+        return codec.encode(_grid(layer))
+
+    def decode(self, data: bytes) -> GridLayer:
+        return codec.decode(data)
+
+    def metadata(self, layer: Layer) -> MapMetadata:
+        grid = _grid(layer)
+        seen = self.view(grid)
+        bounds_m = None
+        if not seen.is_empty:
+            x0, y0, x1, y1 = seen.bounds_cells()
+            bounds_m = (*grid.lattice.corner_m(x0, y0), *grid.lattice.corner_m(x1, y1))
+        traces = (("rays",) if grid.traces.has_rays else ()) + (("path",) if grid.traces.last else ())
+        return MapMetadata(
+            type=NAME,
+            resolution_m=grid.lattice.resolution_m,
+            bounds_m=bounds_m,
+            known_area_m2=seen.known() * grid.lattice.resolution_m**2,
+            observations=grid.observations,
+            sensor=", ".join(sorted(grid.sensors)),
+            mapper=grid.mapper,
+            can_send=("counts", *traces),
         )
-        if status != rays.OK:
-            raise MapError(
-                f"a scan of {observation.robot} reaches beyond ±{CELL_LIMIT} cells or is not finite: check its pose"
-            )
-        layer.pool.count(keys, free, hit)
-        layer.traces.insert_rays(*sketch.pick(scan.directions, beams, kinds, self._limits.beam_step_rad))
-        layer.traces.add_pose(observation.T_map_base, layer.observations, lattice)
-        layer.mapper = FROM_SCANS
-        layer.sensors |= {observation.sensor}
-        layer.observations += 1
-        layer.version += 1
-        return GridRegion(lattice, keys, free | hit)
+
+    def messages(self, map_: Map) -> Iterable[OutputMessage]:
+        """One ``nav_msgs/msg/OccupancyGrid`` of the known cells: -1 without evidence, else the probability in percent.
+
+        None for an empty map.
+        """
+        grid = _map(map_)
+        return () if grid.is_empty else (_occupancy_grid(grid, self.thresholds.clamp),)
+
+    def files(self, map_: Map, stem: str) -> Mapping[str, bytes]:
+        """``stem.pgm`` and ``stem.yaml`` for map_server; raises EmptyMapError when nothing is known."""
+        grid = _map(map_)
+        if grid.is_empty:
+            raise EmptyMapError("an empty map cannot be written as an image: integrate observations first")
+        return map_server.files(grid.dense(), stem)
+
+
+def _occupancy_grid(grid: GridMap, clamp: int) -> OutputMessage:
+    dense = grid.dense()
+    percent = np.round(100.0 / (1.0 + np.exp(-np.arange(-clamp, clamp + 1) / LOG_ODDS_PER_NAT))).astype(np.int8)
+    percent[clamp] = -1
+    data = percent[dense.log_odds + clamp].ravel()
+    height, width = dense.classes.shape
+    x, y = dense.origin_m
+    info = {
+        "map_load_time": {"sec": 0, "nanosec": 0},
+        "resolution": dense.resolution_m,
+        "width": width,
+        "height": height,
+        "origin": {
+            "position": {"x": x, "y": y, "z": 0.0},
+            "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+        },
+    }
+    return OutputMessage("map", "nav_msgs/msg/OccupancyGrid", {"info": info, "data": data})
+
+
+def _thresholds(occupied: float, free: float, clamp: float) -> Thresholds:
+    high, low = _within("occupied", occupied, 0.5, 0.999), _within("free", free, 0.001, 0.5)
+    read = Thresholds(
+        # occupied above and free below the thresholds: the first steps of the fixed point beyond them
+        math.floor(log_odds(high) * LOG_ODDS_PER_NAT) + 1,
+        math.ceil(log_odds(low) * LOG_ODDS_PER_NAT) - 1,
+        in_fixed_point(_within("clamp", clamp, 0.0, _MOST_CLAMP)),
+    )
+    if read.clamp < max(read.occupied, -read.free):
+        raise ConfigError(
+            f"clamp must reach the thresholds, or no cell can be occupied or free: found {clamp} nats for occupied "
+            f"{occupied} and free {free}, give at least {max(read.occupied, -read.free) / LOG_ODDS_PER_NAT:.2f}"
+        )
+    return read
+
+
+def _within(name: str, value: float, least: float, most: float) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
+        raise ConfigError(f"{name} of an occupancy grid must lie between {least:.6g} and {most:.6g}, found {value!r}")
+    return value
 
 
 def _grid(layer: Layer) -> GridLayer:
     if not isinstance(layer, GridLayer):
         raise MapError(f"an occupancy grid cannot use a layer of type {layer.map_type}: convert it first")
     return layer
+
+
+def _map(map_: Map) -> GridMap:
+    if not isinstance(map_, GridMap):
+        raise MapError(f"an occupancy grid cannot show a map of type {map_.map_type}: use that map's own type")
+    return map_
+
+
+def _region(region: Region) -> GridRegion:
+    if not isinstance(region, GridRegion):
+        raise MapError(f"an occupancy grid needs a region of its own cells, found {type(region).__name__}")
+    return region

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from mapgraft.contracts import ConfigError, MapError
+from mapgraft.contracts import MapError
 
 LOG_ODDS_PER_NAT: Final = 1024  # fixed point of all evidence
 CELL_LIMIT: Final = 1 << 30  # cells beyond ± this do not exist
@@ -91,9 +91,3 @@ def log_odds(probability: float) -> float:
 
 def in_fixed_point(nats: float) -> int:
     return round(nats * LOG_ODDS_PER_NAT)
-
-
-def require(condition: bool, sentence: str) -> None:
-    """Raises ConfigError with the sentence unless the condition holds."""
-    if not condition:
-        raise ConfigError(sentence)

@@ -92,6 +92,11 @@ class SparsePool(Generic[Cell]):
             self._used += 1
         return int(self.of[slot])
 
+    def write(self, slot: int, values: NDArray[Cell]) -> None:
+        """Set the tile of that slot, allocated when it is new."""
+        tile = self.claim(slot)
+        self.tiles[tile] = values
+
 
 class TilePool:
     """Hits and misses of all tiles, and what was baked into them.
@@ -142,6 +147,16 @@ class TilePool:
             else:
                 self.hits[slot], self.misses[slot] = tile_hits, tile_misses
                 self._looks[slot] = most
+
+    def counts(self, keys: TileKeys) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+        """Hits and misses (k, 64, 64) of tiles that are all in the pool."""
+        slots = self.index.find(keys)
+        hits, misses = self.hits[slots].astype(np.uint32), self.misses[slots].astype(np.uint32)
+        wide = self.wide.of[slots]
+        more = wide >= 0
+        hits[more] += self.wide.tiles[wide[more], 0]
+        misses[more] += self.wide.tiles[wide[more], 1]
+        return hits, misses
 
     def _make_room(self, slot: int) -> None:
         """Let a tile count on: by its true maximum when that is below the bound, else by moving it to ``wide``."""

@@ -77,6 +77,10 @@ class Traces:
             self._grow(self._index.capacity)
         sketch.keep(keys, slots, rays, self._kept, self._ranks, self._rays)
 
+    @property
+    def has_rays(self) -> bool:
+        return bool(self._kept.any())
+
     def poses(self) -> list[Pose]:
         """All kept poses in the order driven."""
         return sorted(pose for here in self._poses.values() for pose in here)

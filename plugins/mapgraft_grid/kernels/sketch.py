@@ -83,6 +83,8 @@ def keep(
     twice.
     """
     limit = ranks.shape[1]
+    if limit == 0:
+        return
     for i in range(keys.size):
         slot, rank = slots[i], _mixed(np.uint64(0), keys[i])
         for j in range(5):

@@ -1,0 +1,174 @@
+"""How observations enter a layer: scans are counted, ready-made maps replace what was there."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapgraft.contracts import GridMessage, MapError, Observation, Scan, Transform
+from mapgraft_grid import baking
+from mapgraft_grid.grid_map import LARGEST_DENSE
+from mapgraft_grid.kernels import rays, sketch
+from mapgraft_grid.kernels.tile_keys import TILE, tile_key
+from mapgraft_grid.layer import FROM_SCANS, READY_MADE, GridLayer
+from mapgraft_grid.parameters import CELL_LIMIT, Lattice, SensorModel, Thresholds, in_fixed_point, log_odds
+from mapgraft_grid.placing import place
+from mapgraft_grid.region import GridRegion
+from mapgraft_grid.tiles import TilePool
+
+_NO_BEAM_POSES: Final = np.zeros((0, 3))
+_MOST_LOOKS: Final = 1 << 31  # per layer, so that no count leaves uint32
+_LOOKED_UP: Final = 64  # counts tried for one value of a ready-made map
+_STRAIGHT: Final = 1e-9  # sine up to which a ready-made map is not turned
+
+CountTable = NDArray[np.uint32]  # (101, 2) hits and misses for the values 0 … 100
+
+
+def add_scan(layer: GridLayer, observation: Observation, scan: Scan, reach_m: tuple[float, float]) -> GridRegion:
+    """Count one scan, each cell once; returns the cells touched. The layer is as before when it raises MapError."""
+    _require_mapper(layer, FROM_SCANS, observation)
+    lattice, traces = layer.lattice, layer.traces
+    beams = np.empty((scan.ranges_m.size, 4))
+    kinds = np.empty(scan.ranges_m.size, np.uint8)
+    status, keys, free, hit = rays.cast(
+        scan.directions,
+        scan.ranges_m,
+        scan.hits,
+        _NO_BEAM_POSES if scan.T_sensor_beam is None else scan.T_sensor_beam,
+        observation.T_map_sensor.matrix,
+        (lattice.resolution_m, lattice.anchor_m[0], lattice.anchor_m[1]),
+        reach_m,
+        beams,
+        kinds,
+    )
+    if status != rays.OK:
+        raise MapError(_refusal(status, observation))
+    traces.add_pose(observation.T_map_base, layer.observations, lattice)
+    layer.pool.count(keys, free, hit)
+    if traces.limits.rays_per_tile:
+        traces.insert_rays(*sketch.pick(scan.directions, beams, kinds, traces.limits.beam_step_rad))
+    _note(layer, FROM_SCANS, observation)
+    return GridRegion(lattice, keys, free | hit)
+
+
+def replace_content(
+    layer: GridLayer, observation: Observation, message: GridMessage, thresholds: Thresholds
+) -> GridRegion:
+    """Make the layer say what a ready-made map says; returns the cells that it says or said something about.
+
+    The first map decides the layer's lattice; later ones that lie otherwise are placed on it. What the layer has
+    absorbed from others stays. The layer is as before when it raises MapError.
+    """
+    _require_mapper(layer, READY_MADE, observation)
+    _require_valid(message, observation)
+    T = observation.T_map_sensor @ message.T_map_origin
+    fresh = not layer.mapper
+    pool, lattice = _placed(message, T, None if fresh else layer.lattice, layer, thresholds)
+    before = baking.touched(layer)
+    layer.lattice = lattice
+    layer.traces.add_pose(observation.T_map_base, layer.observations, lattice)
+    old, layer.pool = layer.pool, pool
+    for slot, key in enumerate(old.index.keys.tolist()):
+        if old.absorbed.of[slot] >= 0:
+            here = int(pool.claim(np.array([key], np.int64))[0])
+            pool.absorbed.write(here, old.absorbed.tiles[old.absorbed.of[slot]])
+    _note(layer, READY_MADE, observation)
+    return before.union(baking.touched(layer))
+
+
+def count_table(model: SensorModel, thresholds: Thresholds) -> CountTable:
+    """Hits and misses for each value of a ready-made map, 0 … 100.
+
+    Of all counts that keep the value's class (occupied, free, neither) those whose log-odds come nearest to the
+    value's, clamped; of equals the fewest.
+    """
+    h, m = (axis.ravel() for axis in np.mgrid[0:_LOOKED_UP, 0:_LOOKED_UP])
+    evidence = h * model.l_hit + m * model.l_miss
+    table = np.empty((101, 2), np.uint32)
+    for value in range(101):
+        wanted = _evidence_of(value, thresholds)
+        same = (evidence >= thresholds.occupied) == (wanted >= thresholds.occupied)
+        same &= (evidence <= thresholds.free) == (wanted <= thresholds.free)
+        same &= np.minimum(h, m) <= 1  # more of both would say that the cell was seen differently at different times
+        cost = np.where(same, abs(evidence - wanted).astype(np.int64) * 1000 + h + m, np.iinfo(np.int64).max)
+        best = int(cost.argmin())
+        table[value] = h[best], m[best]
+    return table
+
+
+def _evidence_of(value: int, thresholds: Thresholds) -> int:
+    if value in (0, 100):
+        return thresholds.clamp if value else -thresholds.clamp
+    return max(-thresholds.clamp, min(thresholds.clamp, in_fixed_point(log_odds(value / 100.0))))
+
+
+def _placed(
+    message: GridMessage, T: Transform, lattice: Lattice | None, layer: GridLayer, thresholds: Thresholds
+) -> tuple[TilePool, Lattice]:
+    """The message's counts on ``lattice``, or on the lattice that fits it best when that is None."""
+    table = count_table(layer.sensor_model, thresholds)
+    turned = abs(T.yaw_rad) > _STRAIGHT
+    fitting, origin = Lattice.through(T.x_m, T.y_m, message.resolution_m)
+    if not turned and lattice in (None, fitting):
+        return _tiled(message, table, origin), fitting
+    loose = GridLayer(Lattice(message.resolution_m), layer.sensor_model, layer.traces.limits)
+    loose.pool = _tiled(message, table, (0, 0))
+    target = lattice or Lattice(message.resolution_m)
+    if not len(loose.pool.index):
+        return loose.pool, target
+    return place(loose, T, 1.0, target, thresholds).pool, target
+
+
+def _tiled(message: GridMessage, table: CountTable, origin_cell: tuple[int, int]) -> TilePool:
+    """The counts of a message whose cell (0, 0) is ``origin_cell``."""
+    (ix, iy), (height, width) = origin_cell, message.cells.shape
+    pad_y = (iy % TILE, -(iy + height) % TILE)
+    pad_x = (ix % TILE, -(ix + width) % TILE)
+    values = np.pad(message.cells, (pad_y, pad_x), constant_values=-1)
+    up, across = values.shape[0] // TILE, values.shape[1] // TILE
+    tiles = values.reshape(up, TILE, across, TILE).swapaxes(1, 2).reshape(-1, TILE, TILE)
+    lookup = np.concatenate((table, np.zeros((1, 2), np.uint32)))  # the last row is for -1
+    pool = TilePool()
+    for number in np.flatnonzero((tiles >= 0).any(axis=(1, 2))).tolist():
+        counts = lookup[tiles[number]]
+        key = tile_key(ix // TILE + number % across, iy // TILE + number // across)
+        pool.set_counts(np.array([key], np.int64), counts[None, ..., 0], counts[None, ..., 1])
+    return pool
+
+
+def _require_valid(message: GridMessage, observation: Observation) -> None:
+    cells = message.cells
+    if not 0 < message.resolution_m < np.inf:
+        raise MapError(f"a map of {observation.robot} has {message.resolution_m} m per cell: it must be above 0")
+    if cells.ndim != 2 or cells.size > LARGEST_DENSE:
+        raise MapError(f"a map of {observation.robot} must have up to {LARGEST_DENSE} cells, found {cells.shape}")
+    if cells.size and (cells.min() < -1 or cells.max() > 100):
+        raise MapError(
+            f"a map of {observation.robot} must hold -1 (unknown) and 0 … 100, found {cells.min()} … {cells.max()}"
+        )
+
+
+def _require_mapper(layer: GridLayer, mapper: str, observation: Observation) -> None:
+    if layer.mapper not in ("", mapper):
+        raise MapError(
+            f"{observation.robot} was mapped from a {layer.mapper.rstrip('s')} before and now sends a "
+            f"{mapper.rstrip('s')}: choose one of the two for this robot"
+        )
+    if layer.observations >= _MOST_LOOKS:
+        raise MapError(f"a layer can hold {_MOST_LOOKS} observations: begin a new one")
+
+
+def _note(layer: GridLayer, mapper: str, observation: Observation) -> None:
+    layer.mapper = mapper
+    if observation.sensor and observation.sensor not in layer.sensors:
+        layer.sensors |= {observation.sensor}
+    layer.observations += 1
+    layer.version += 1
+
+
+def _refusal(status: int, observation: Observation) -> str:
+    if status == rays.TOO_WIDE:
+        return f"the beams of one scan of {observation.robot} start too far from each other: check the beams' poses"
+    return f"a scan of {observation.robot} reaches beyond ±{CELL_LIMIT} cells or is not finite: check its pose"
