@@ -1,0 +1,144 @@
+"""The Parquet tables of a run: one part per table in a hive partition of the run, named by its content."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from mapgraft.events import Event, Snapshot
+from mapgraft.outputs.provenance import InputFile
+from mapgraft.outputs.staging import Staging, sha256_of, sync
+from mapgraft.outputs.tables import Row, events_table, metrics_table, recordings_table, rows_table, snapshot_row
+from mapgraft_schemas import arrow_schema, table
+
+WRITTEN = ("events", "metrics", "maps", "recordings", "timings")  # anew by every run; labels are people's
+_BATCH = 1024  # events that wait to become Arrow
+_GROUP_ROWS = 65_536  # rows of one row group, at most
+_GROUP_BYTES = 32 * 2**20  # of Arrow data waiting to become a row group
+
+
+class PartWriter:
+    """Streams one part of one table; rows must come sorted as the table says. Methods raise OSError."""
+
+    def __init__(self, staging: Staging, name: str, run_id: str, writer: str = "") -> None:
+        self._folder, self._staging = f"{name}/run_id={run_id}", staging
+        self._name = f"{self._folder}/.part-00000{writer}.parquet"  # readers of a data set skip names with a dot
+        self._stream = staging.create(self._name)
+        self._schema = arrow_schema(name)
+        columns = [column.name for column in table(name).columns]
+        self._writer = pq.ParquetWriter(
+            self._stream,
+            self._schema,
+            version="2.6",
+            compression="zstd",
+            compression_level=3,
+            use_dictionary=[c.name for c in table(name).columns if c.type == "dictionary<string>"],
+            write_page_index=True,
+            sorting_columns=[pq.SortingColumn(columns.index(column)) for column in table(name).sorted_by],
+        )
+        self._waiting: list[pa.Table] = []
+        self._rows = self._bytes = 0
+
+    def append(self, rows: pa.Table) -> None:
+        """Take rows of the table's schema; writes a row group when enough have come together."""
+        self._waiting.append(rows)
+        self._rows += rows.num_rows
+        self._bytes += rows.nbytes
+        if self._rows >= _GROUP_ROWS or self._bytes >= _GROUP_BYTES:
+            self._write_group()
+
+    def close(self) -> None:
+        """The part is whole and on disk when this returns; its final name holds 8 hex digits of its content."""
+        if self._rows:
+            self._write_group()
+        self._writer.close()
+        sync(self._stream)
+        self._stream.close()
+        digest = sha256_of(self._staging.partial(self._name))
+        self._staging.call(self._name, f"{self._folder}/part-00000-{digest[:8]}.parquet")
+
+    def abandon(self) -> None:
+        """Let go of a part that could not be written."""
+        with suppress(OSError):
+            self._writer.close()
+        with suppress(OSError):
+            self._stream.close()
+
+    def _write_group(self) -> None:
+        rows = pa.concat_tables(self._waiting).unify_dictionaries().combine_chunks()
+        self._writer.write_table(rows, row_group_size=_GROUP_ROWS)
+        self._waiting.clear()
+        self._rows = self._bytes = 0
+
+
+class ParquetLog:
+    """Writes the tables of one run as it goes on. Memory is bounded: what waits is at most a row group per table."""
+
+    def __init__(self, staging: Staging, run_id: str) -> None:
+        self._staging, self._run_id = staging, run_id
+        self._parts = {name: PartWriter(staging, name, run_id) for name in WRITTEN}
+        self._events: list[Event] = []
+        self._timings: list[Row] = []
+        self._digests: set[str] = set()
+        self._snapshots = 0
+
+    def happened(self, event: Event) -> None:
+        self._events.append(event)
+        if len(self._events) >= _BATCH:
+            self._convert()
+
+    def mapped(self, snapshot: Snapshot) -> None:
+        sha256 = hashlib.sha256(snapshot.layer).hexdigest()
+        row = snapshot_row(self._snapshots, snapshot, sha256, repeated=sha256 in self._digests)
+        self._parts["maps"].append(rows_table("maps", [row]))
+        self._digests.add(sha256)
+        self._snapshots += 1
+
+    def timed(self, stage: str, elapsed_s: float, count: int) -> None:
+        row = {"position": len(self._timings), "stage": stage, "elapsed_s": elapsed_s, "count": count}
+        self._timings.append(row)
+
+    def close(self, inputs: Sequence[InputFile]) -> None:
+        """All parts are whole and on disk, under their partial names, when this returns."""
+        self._convert()
+        self._parts["recordings"].append(recordings_table(inputs))
+        self._parts["timings"].append(rows_table("timings", self._timings))
+        for part in self._parts.values():
+            part.close()
+
+    def abandon(self) -> None:
+        """Let go of everything, after the folder has failed."""
+        for part in self._parts.values():
+            part.abandon()
+
+    def _convert(self) -> None:
+        if self._events:
+            self._parts["events"].append(events_table(self._events))
+            self._parts["metrics"].append(metrics_table(self._events))
+            self._events.clear()
+
+
+def write_rows(out: Path, name: str, run_id: str, rows: pa.Table) -> str:
+    """Append a part to a table of an output folder, atomically; returns its name, relative to the folder.
+
+    For rows that people add after a run (``labels``). ``rows`` are cast to the table's schema and sorted as it says.
+    Raises OSError, or pyarrow.ArrowInvalid when the rows do not fit.
+    """
+    staging = Staging(out)
+    part = PartWriter(staging, name, run_id, writer=f"-{os.getpid()}")
+    keys = [(column, "ascending") for column in table(name).sorted_by]
+    part.append(rows.cast(arrow_schema(name)).sort_by(keys))
+    part.close()
+    return staging.publish()[0]
+
+
+def other_parts(out: Path, name: str, run_id: str, kept: Sequence[str]) -> list[Path]:
+    """Parts of this run that an earlier writing of it left behind: all but those in ``kept`` (relative names)."""
+    folder = out / name / f"run_id={run_id}"
+    return [path for path in sorted(folder.glob("part-*.parquet")) if path.relative_to(out).as_posix() not in kept]

@@ -1,0 +1,71 @@
+"""What a run was made of: software, plugins, configuration, decision table, input files."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+
+
+@dataclass(frozen=True, slots=True)
+class InputFile:
+    """One file that was replayed; ``path`` as it was given, ``sha256`` of its bytes in hex."""
+
+    path: str
+    sha256: str
+    size_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class RunProvenance:
+    """Everything needed to make the same run again.
+
+    ``plugins`` maps a plugin's name to its distribution and version. ``config_text`` and ``decision_table_text`` are
+    YAML as used, with everything that was left out filled in. ``started_at`` (with a time zone) and ``host`` are the
+    only things that differ between equal replays; they go nowhere but into the metadata record ``merge_run``.
+    """
+
+    version: str
+    config_text: str
+    decision_table_text: str
+    inputs: Sequence[InputFile]
+    started_at: datetime
+    host: str
+    plugins: Mapping[str, str] = field(default_factory=dict)
+
+    def record(self, run_id: str) -> dict[str, str]:
+        """The metadata record ``merge_run``; of one length for one host, so that file offsets do not depend on time."""
+        return {
+            "run_id": run_id,
+            "software": "mapgraft",
+            "version": self.version,
+            "plugins": json.dumps(dict(sorted(self.plugins.items()))),
+            "config_sha256": _digest(self.config_text),
+            "decision_table_sha256": _digest(self.decision_table_text),
+            "inputs": json.dumps(
+                [{"path": i.path, "sha256": i.sha256, "size_bytes": i.size_bytes} for i in self.inputs]
+            ),
+            "host": self.host,
+            "started_at": self.started_at.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
+        }
+
+
+def run_id_of(provenance: RunProvenance) -> str:
+    """The id of a run: equal for equal software, plugins, configuration, decision table and input **contents**.
+
+    A letter and 15 hex digits, so that no reader of the hive partition ``run_id=…`` takes it for a number or a date.
+    """
+    essence = {
+        "version": provenance.version,
+        "plugins": dict(sorted(provenance.plugins.items())),
+        "config": provenance.config_text,
+        "decision_table": provenance.decision_table_text,
+        "inputs": [file.sha256 for file in provenance.inputs],
+    }
+    return "r" + _digest(json.dumps(essence, sort_keys=True))[:15]
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,56 @@
+"""Reading the events of a merge recording back, whole or left behind by a run that was killed."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+import zstandard
+from mcap.exceptions import McapError
+from mcap.records import Channel, McapRecord, Message
+from mcap.stream_reader import StreamReader
+
+from mapgraft.errors import OutputError
+from mapgraft.events import Event
+from mapgraft.outputs.event_message import event_of
+from mapgraft.outputs.mcap_log import EVENTS
+from mapgraft.outputs.messages import MERGE_EVENT, MessageEncoder
+
+_MAGIC = b"\x89MCAP0\r\n"
+
+
+def read_events(path: Path) -> list[Event]:
+    """All events of a ``.merge.mcap`` or a ``.merge.mcap.partial``, in order; of a cut file those before the cut.
+
+    Raises OutputError when the file cannot be read, is no MCAP, or was finished and is damaged.
+    """
+    encoder, channels, events = MessageEncoder(), set[int](), list[Event]()
+    for record in _records(path):
+        if isinstance(record, Channel) and record.topic == EVENTS:
+            channels.add(record.id)
+        elif isinstance(record, Message) and record.channel_id in channels:
+            events.append(event_of(encoder.decode(MERGE_EVENT, record.data)))
+    return events
+
+
+def _records(path: Path) -> Iterator[McapRecord]:
+    try:
+        with path.open("rb") as stream:
+            if stream.read(len(_MAGIC)) != _MAGIC:
+                raise OutputError(f"{path} is no MCAP file: give the .merge.mcap of an output folder")
+            finished = _is_finished(path)
+            stream.seek(0)
+            try:
+                yield from StreamReader(stream, validate_crcs=True).records
+            except (McapError, zstandard.ZstdError, struct.error, ValueError) as error:
+                if finished:
+                    raise OutputError(f"{path} is damaged ({error}): run again to write it anew") from error
+    except OSError as error:
+        raise OutputError(f"{path} cannot be read: {error.strerror or error}") from error
+
+
+def _is_finished(path: Path) -> bool:
+    with path.open("rb") as stream:
+        stream.seek(-len(_MAGIC), 2)
+        return stream.read() == _MAGIC

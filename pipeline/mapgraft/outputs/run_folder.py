@@ -1,0 +1,252 @@
+"""The output folder of one run: everything the replay tells goes into files that survive a killed run."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from mapgraft.contracts import Observation
+from mapgraft.errors import OutputError
+from mapgraft.events import Event, Snapshot
+from mapgraft.outputs.files import Tally, Trajectories, connected, json_bytes, map_files, transforms_csv
+from mapgraft.outputs.mcap_log import McapLog
+from mapgraft.outputs.names import file_names
+from mapgraft.outputs.parquet_log import WRITTEN, ParquetLog, PartWriter, other_parts
+from mapgraft.outputs.poses import Pose, paths_of
+from mapgraft.outputs.provenance import RunProvenance
+from mapgraft.outputs.scene import Scene
+from mapgraft.outputs.staging import Staging, close_quietly, sync_folder, writing
+from mapgraft.outputs.standing import StandingMerges
+from mapgraft_schemas import VERSION
+
+ROUTINE = ("offered", "verified")  # events that wait for the next decision to be brought to disk
+LOCK = ".mapgraft.lock"
+SUMMARY = "summary.json"
+_BATCH = 512  # poses and events that wait to be written together
+_OURS = ("maps/", "trajectories/")  # where files of an earlier run are taken away when this one has none of that name
+
+
+class RunFolder:
+    """A sink that writes ``<stem>.merge.mcap``, Parquet tables, maps, trajectories, transforms and a summary.
+
+    Everything is written under ``.partial`` names. A decision is on disk when ``happened`` returns. ``finish`` renames
+    everything at once; ``abort`` leaves the partial files behind, from which ``read_events`` reads every decision. As
+    a context manager it finishes, or aborts when an error came through. Tables of other runs in the folder stay.
+
+    Raises OutputError when the folder cannot be written, or when another run is writing it.
+    """
+
+    def __init__(self, out: Path, stem: str, run_id: str, provenance: RunProvenance, scans: bool = False) -> None:
+        if not (run_id[:1].isalpha() and run_id.isascii() and run_id.replace("_", "").replace("-", "").isalnum()):
+            raise OutputError(f"a run id is a letter and then letters, digits, '_' and '-', found {run_id!r}")
+        self._out, self._run_id, self._provenance = out, run_id, provenance
+        self._scans = scans
+        self._queue: list[Pose | tuple[int, Event]] = []
+        self._snapshots: dict[str, Snapshot] = {}
+        self._standing, self._scene, self._tally = StandingMerges(), Scene(), Tally()
+        self._names = file_names()
+        self._intact = self._open = True
+        with writing(out):
+            out.mkdir(parents=True, exist_ok=True)
+            self._lock = _locked(out)
+            try:
+                self._staging = Staging(out)
+                self._mcap_name = f"{stem}.merge.mcap"
+                self._stream = self._staging.create(self._mcap_name)
+                try:
+                    self._mcap = McapLog(self._stream, run_id, provenance)
+                    self._parquet = ParquetLog(self._staging, run_id)
+                except BaseException:
+                    close_quietly(self._stream)
+                    raise
+            except BaseException:
+                os.close(self._lock)
+                raise
+        self._trajectories = Trajectories(self._staging, self._names)
+
+    def observed(self, observation: Observation) -> None:
+        queue = self._queue
+        queue.append((len(queue), observation.robot, observation.stamp_ns, observation.T_map_base.matrix))
+        if self._scans or len(queue) >= _BATCH:
+            with self._writing():
+                self._drain()
+                if self._scans:
+                    self._mcap.scanned(observation)
+
+    def happened(self, event: Event) -> None:
+        self._queue.append((len(self._queue), event))
+        decided = event.kind not in ROUTINE
+        if decided or len(self._queue) >= _BATCH:
+            with self._writing():
+                self._drain()
+                if decided:
+                    self._mcap.flush()
+
+    def mapped(self, snapshot: Snapshot) -> None:
+        with self._writing():
+            self._drain()
+            self._snapshots[snapshot.robot] = snapshot
+            self._scene.grow(snapshot.robot, snapshot.metadata.bounds_m)
+            self._place(snapshot.stamp_ns)
+            self._mcap.mapped(snapshot)
+            self._parquet.mapped(snapshot)
+
+    def timed(self, stage: str, elapsed_s: float, count: int = 0) -> None:
+        """Wall clock that a stage of the run took; goes into the table ``timings`` and nowhere else."""
+        self._parquet.timed(stage, elapsed_s, count)
+
+    def finish(self) -> None:
+        """Make everything whole, then give every file its final name; nothing of it is half-written at any time."""
+        with self._writing():
+            self._drain()
+            layout = self._mcap.close(self._scene.span_m())
+            self._stream.close()
+            self._trajectories.close()
+            self._parquet.close(self._provenance.inputs)
+            if not list(self._out.glob(f"labels/run_id={self._run_id}/*.parquet")):
+                PartWriter(self._staging, "labels", self._run_id).close()
+            self._write_files(layout)
+            earlier = _files_of(self._out / SUMMARY)
+            published = self._staging.publish()
+            self._remove_leftovers(earlier, published)
+        self._close()
+
+    def abort(self) -> None:
+        """Stop here: leave partial files that hold everything reported so far. Never raises for a folder that fails."""
+        if not self._open:
+            return
+        if self._intact:
+            with suppress(OutputError), self._writing():
+                self._drain()
+                self._mcap.close(self._scene.span_m())
+                self._trajectories.close()
+                self._parquet.close(self._provenance.inputs)
+        close_quietly(self._stream)
+        if not self._intact:  # whatever was being written when it failed goes; all that was on disk before stays
+            self._parquet.abandon()
+            with suppress(OSError):
+                os.truncate(self._staging.partial(self._mcap_name), self._mcap.durable)
+        self._close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None and self._open:
+            self.finish()
+        else:
+            self.abort()
+
+    def _drain(self) -> None:
+        """Write what waits, in order."""
+        if not self._queue:
+            return
+        queue, self._queue = self._queue, []
+        events = [(item[0], item[1]) for item in queue if len(item) == 2]
+        paths = paths_of([item for item in queue if len(item) == 4])
+        first, last = queue[0], queue[-1]
+        for path in paths:
+            self._scene.moved(path)
+        self._place(first[1].stamp_ns if len(first) == 2 else first[2])
+        self._mcap.went_on(paths, events)
+        self._trajectories.moved(paths)
+        changed = False
+        for _, event in events:
+            self._parquet.happened(event)
+            self._tally.happened(event)
+            changed |= self._standing.happened(event)
+        if changed:
+            self._place(last[1].stamp_ns if len(last) == 2 else last[2], redraw=True)
+
+    def _place(self, stamp_ns: int, redraw: bool = False) -> None:
+        """Say where the map frames lie when that has changed, and draw the merges."""
+        merges = self._standing.merges
+        placed = self._mcap.placed(stamp_ns, self._scene.place(merges))
+        if (placed and merges) or redraw:
+            self._mcap.linked(stamp_ns, merges, self._scene.bodies_m)
+
+    def _write_files(self, layout: bytes) -> None:
+        merges = self._standing.merges
+        together = connected(self._scene.robots, merges)
+        files = map_files(self._snapshots, together, self._names)
+        files |= {"transforms.csv": transforms_csv(merges), "layout.json": layout}
+        for name, content in files.items():
+            self._staging.write(name, content)
+        robots = {robot: self._summary_of(robot) for robot in sorted(self._scene.robots)}
+        summary: dict[str, Any] = {
+            "run_id": self._run_id,
+            "version": self._provenance.version,
+            "schema_version": VERSION,
+            "robots": robots,
+            "components": [{"name": c.name, "robots": list(c.robots), "map_of": c.map_of} for c in together],
+            **self._tally.summary(),
+            "files": self._staging.names,
+        }
+        self._staging.write(SUMMARY, json_bytes(summary))  # the last one renamed: who finds it finds all others
+
+    def _summary_of(self, robot: str) -> dict[str, Any]:
+        out = {"files_as": self._names[robot], **self._trajectories.summary(robot)}
+        snapshot = self._snapshots.get(robot)
+        if snapshot is not None:
+            out |= {
+                "map_type": snapshot.map_type.name,
+                "resolution_m": snapshot.metadata.resolution_m,
+                "known_own": snapshot.own.known(),
+                "known_fused": snapshot.fused.known(),
+            }
+        return out
+
+    def _remove_leftovers(self, earlier: list[str], published: list[str]) -> None:
+        """What an earlier writing of this folder had and this one has not, so that nobody takes it for today's."""
+        stale = [self._out / name for name in earlier if name.startswith(_OURS) and name not in published]
+        for table in WRITTEN:
+            stale += other_parts(self._out, table, self._run_id, published)
+        for path in stale:
+            path.unlink(missing_ok=True)
+        for folder in sorted({path.parent for path in stale if path.parent.is_dir()}):
+            sync_folder(folder)
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Marks the folder as broken when anything comes through: then nothing more is written to it."""
+        if not (self._open and self._intact):
+            raise OutputError(f"{self._out} is closed or has failed before: start a new run to write to it")
+        self._intact = False
+        with writing(self._out):
+            yield
+        self._intact = True
+
+    def _close(self) -> None:
+        self._open = False
+        os.close(self._lock)
+
+
+def _locked(out: Path) -> int:
+    """An open descriptor that holds the folder's lock; closing it, or dying, gives it back."""
+    descriptor = os.open(out / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise OutputError(f"{out} is being written by another run: wait for it or choose another folder") from None
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def _files_of(summary: Path) -> list[str]:
+    """The files that the summary of an earlier run lists; none when there is no summary that can be read."""
+    try:
+        listed = json.loads(summary.read_text(encoding="utf-8"))["files"]
+        return [name for name in listed if isinstance(name, str) and ".." not in name]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []

@@ -1,0 +1,182 @@
+"""The present: which merges stand, which robots they connect, and where one map lies in another through them."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mapgraft.contracts import Covariance, Transform
+from mapgraft.events import STANDING, Event
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StandingMerge:
+    """One merge whose contribution is in the receiver's map now. ``seq`` is that of the event that made it."""
+
+    merge_id: str
+    seq: int
+    receiver: str
+    donor: str
+    T_receiver_donor: Transform
+    scale: float = 1.0
+    covariance: Covariance | None = None
+    state: str = "provisional"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chain:
+    """Where the source's map frame lies in the target's, through standing merges, told from target to source.
+
+    ``covariance`` is in the target's frame, to first order; None where a merge has none.
+    """
+
+    target: str
+    source: str
+    T_target_source: Transform
+    scale: float = 1.0
+    covariance: Covariance | None = None
+    merges: tuple[str, ...] = ()
+    state: str = "confirmed"
+
+
+class StandingMerges:
+    """The view on the history that says what stands. Feed it every event in order."""
+
+    def __init__(self, events: Iterable[Event] = ()) -> None:
+        self._by_id: dict[str, StandingMerge] = {}
+        for event in events:
+            self.happened(event)
+
+    def happened(self, event: Event) -> bool:
+        """Take one event in; True when what stands, or where, is different from before."""
+        known = self._by_id.get(event.merge_id)
+        if event.kind == "reverted":
+            return self._by_id.pop(event.merge_id, None) is not None
+        if event.kind not in STANDING or (known is None and event.T_receiver_donor is None):
+            return False
+        merge = _made(event) if known is None else _changed(known, event)
+        self._by_id[event.merge_id] = merge
+        return known is None or merge is not known
+
+    @property
+    def merges(self) -> tuple[StandingMerge, ...]:
+        """In the order in which they were made."""
+        return tuple(self._by_id.values())
+
+
+def components(robots: Iterable[str], merges: Sequence[StandingMerge]) -> list[tuple[str, ...]]:
+    """Robots connected by standing merges, each component sorted by name, components by their first robot."""
+    neighbours = _neighbours(merges)
+    names = sorted({*robots, *neighbours})
+    out, seen = [], set[str]()
+    for name in names:
+        if name not in seen:
+            found = tuple(sorted(chains_from(name, merges)))
+            seen.update(found)
+            out.append(found)
+    return out
+
+
+def chains_from(target: str, merges: Sequence[StandingMerge]) -> dict[str, Chain]:
+    """Every robot connected to ``target`` (and itself) → its chain, the shortest one.
+
+    Among equally short ones those win in which the nearer robot received (its own fused map shows that transform),
+    then those of older merges: a later merge moves a robot only by connecting it more directly.
+    """
+    neighbours = _neighbours(merges)
+    found = {target: Chain(target, target, Transform.identity(), covariance=np.zeros((6, 6)))}
+    waiting = deque([target])
+    while waiting:
+        here = found[waiting.popleft()]
+        for merge, forward in neighbours.get(here.source, ()):
+            there = merge.donor if forward else merge.receiver
+            if there not in found:
+                found[there] = _extended(here, merge, forward)
+                waiting.append(there)
+    return found
+
+
+def _neighbours(merges: Sequence[StandingMerge]) -> Mapping[str, list[tuple[StandingMerge, bool]]]:
+    """Robot → its merges, those in which it receives (True) before those in which it gives (False), older first."""
+    out: dict[str, list[tuple[StandingMerge, bool]]] = {}
+    for merge in merges:
+        out.setdefault(merge.receiver, []).append((merge, True))
+        out.setdefault(merge.donor, []).append((merge, False))
+    for edges in out.values():
+        edges.sort(key=lambda edge: (not edge[1], edge[0].seq))
+    return out
+
+
+def _made(event: Event) -> StandingMerge:
+    assert event.T_receiver_donor is not None
+    return StandingMerge(
+        event.merge_id,
+        event.seq,
+        event.receiver,
+        event.donor,
+        event.T_receiver_donor,
+        event.scale,
+        event.covariance,
+        event.state or "provisional",
+    )
+
+
+def _changed(known: StandingMerge, event: Event) -> StandingMerge:
+    """``known`` itself when the event changes nothing that stands."""
+    state = event.state or known.state
+    T = event.T_receiver_donor
+    if T is None or (known.T_receiver_donor == T and event.scale == known.scale):
+        return known if state == known.state else replace(known, state=state)
+    return replace(known, T_receiver_donor=T, scale=event.scale, covariance=event.covariance, state=state)
+
+
+def _extended(chain: Chain, merge: StandingMerge, forward: bool) -> Chain:
+    T, scale, covariance = merge.T_receiver_donor, merge.scale, merge.covariance
+    if not forward:
+        T, scale, covariance = _inverted(T, scale, covariance)
+    out = chain.T_target_source.matrix @ T.matrix
+    out[:3, 3] = chain.T_target_source.apply(chain.scale * T.matrix[None, :3, 3])[0]
+    return Chain(
+        chain.target,
+        merge.donor if forward else merge.receiver,
+        Transform(out),
+        chain.scale * scale,
+        _compounded(chain, T, covariance),
+        (*chain.merges, merge.merge_id),
+        "confirmed" if chain.state == merge.state == "confirmed" else "provisional",
+    )
+
+
+def _inverted(T: Transform, scale: float, covariance: Covariance | None) -> tuple[Transform, float, Covariance | None]:
+    """The similarity p_b = T (s p_a) seen the other way round, its covariance to first order."""
+    inverse = T.inverse()
+    matrix = inverse.matrix.copy()
+    matrix[:3, 3] /= scale
+    if covariance is None:
+        return Transform(matrix), 1.0 / scale, None
+    R = inverse.matrix[:3, :3]
+    J = np.zeros((6, 6))
+    J[:3, :3] = -R / scale
+    J[:3, 3:] = -R @ _cross(T.matrix[:3, 3]) / scale
+    J[3:, 3:] = -R
+    return Transform(matrix), 1.0 / scale, J @ covariance @ J.T
+
+
+def _compounded(chain: Chain, T: Transform, covariance: Covariance | None) -> Covariance | None:
+    """Covariance of chain ∘ T, to first order, with rotations as small turns about the axes of the target's frame."""
+    if chain.covariance is None or covariance is None:
+        return None
+    R = chain.T_target_source.matrix[:3, :3]
+    outer, inner = np.eye(6), np.zeros((6, 6))
+    outer[:3, 3:] = -_cross(chain.scale * R @ T.matrix[:3, 3])
+    inner[:3, :3] = chain.scale * R
+    inner[3:, 3:] = R
+    out: Covariance = outer @ chain.covariance @ outer.T + inner @ covariance @ inner.T
+    return out
+
+
+def _cross(v: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> Covariance:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
