@@ -11,12 +11,15 @@ from typing import NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from mapgraft.contracts.geometry import Transform
+
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 FOXGLOVE_LASER_SCAN = "foxglove/msg/LaserScan"
+FOXGLOVE_ROS_LASER_SCAN = "foxglove_msgs/msg/LaserScan"
 CARMEN_LASER_SCAN = "carmen/msg/LaserScan"
 CARMEN_ODOMETRY = "carmen/msg/Odometry"
 TUM_POSE = "tum/msg/Pose"
-SCAN_TYPES = frozenset({LASER_SCAN, FOXGLOVE_LASER_SCAN, CARMEN_LASER_SCAN})
+SCAN_TYPES = frozenset({LASER_SCAN, FOXGLOVE_LASER_SCAN, FOXGLOVE_ROS_LASER_SCAN, CARMEN_LASER_SCAN})
 """Message types that ``Source.decode_scan`` understands."""
 
 
@@ -57,7 +60,8 @@ class ScanMessage(NamedTuple):
 
     ``stamp_ns`` is the header's stamp. Beam *i* points to ``angle_min_rad + i * angle_increment_rad`` in the frame
     ``frame_id`` (leading slash stripped). ``time_increment_s`` is the time between two beams, 0 where unknown.
-    ``ranges_m`` (n,) float32 is read-only and may be a view into a chunk.
+    ``ranges_m`` (n,) float32 is read-only and may be an unaligned view into a chunk. ``T_frame_sensor`` is where the
+    lidar sits in that frame, None where it sits in its origin (only ``foxglove.LaserScan`` can say otherwise).
     """
 
     stamp_ns: int
@@ -68,6 +72,15 @@ class ScanMessage(NamedTuple):
     range_min_m: float
     range_max_m: float
     ranges_m: NDArray[np.float32]
+    T_frame_sensor: Transform | None = None
+
+
+class RecordedScan(NamedTuple):
+    """A laser scan with the channel and log time of its message."""
+
+    channel: Channel
+    log_ns: int
+    scan: ScanMessage
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,6 +176,16 @@ class Source(Protocol):
         """The laser scan in a message whose type is one of ``SCAN_TYPES``; the fast way for scans.
 
         Raises RecordingError when the bytes do not fit the type.
+        """
+        ...
+
+    def scans(
+        self, topics: Collection[str] | None = None, start_ns: int | None = None, end_ns: int | None = None
+    ) -> Iterator[RecordedScan]:
+        """The laser scans among the messages, decoded: the fastest way through a file when only scans are wanted.
+
+        Equal to ``decode_scan`` over ``messages`` of the channels whose type is in ``SCAN_TYPES``, but a message that
+        cannot be decoded is left out and counted in ``faults`` as ``scan_undecodable``.
         """
         ...
 
