@@ -1,6 +1,6 @@
 """Landmark layers as bytes. Equal layers give equal bytes.
 
-A line of JSON (format, cell size, observations, number of looked-at and of sighted cells), then little-endian
+A line of JSON (format, cell size, observations, sensors, number of looked-at and of sighted cells), then little-endian
 columns: ix and iy (int32) and looks (int64) of all cells, rows (uint32) and sightings, sum of x, sum of y (int64) of
 the sighted ones.
 """
@@ -28,6 +28,7 @@ def encode_layer(layer: LandmarkLayer) -> bytes:
         "format": _FORMAT,
         "cell_m": layer.cell_m,
         "observations": layer.observations,
+        "sensors": sorted(layer.sensors),
         "cells": len(layer.cells),
         "sighted": len(rows),
     }
@@ -51,11 +52,12 @@ def decode_layer(data: bytes) -> LandmarkLayer:
             raise MapError(f"this is no landmark map of format {_FORMAT!r}, found {line[:60]!r}")
         n, sighted = int(header["cells"]), int(header["sighted"])
         cell_m, observations = float(header["cell_m"]), int(header["observations"])
+        sensors = frozenset(map(str, header["sensors"]))
     except (ValueError, KeyError, TypeError):
         raise MapError(f"this is no landmark map, found {line[:60]!r}") from None
     if n < 0 or sighted < 0 or not cell_m > 0 or len(body) != 16 * n + 28 * sighted:
         raise MapError(f"a landmark map of {n} cells is cut off or damaged: found {len(body)} bytes of evidence")
-    return LandmarkLayer(cell_m, _decoded_cells(body, n, sighted), observations)
+    return LandmarkLayer(cell_m, _decoded_cells(body, n, sighted), observations, sensors)
 
 
 def _decoded_cells(body: bytes, n: int, sighted: int) -> Cells:

@@ -16,6 +16,7 @@ class LandmarkLayer:
     cell_m: float
     cells: Cells = field(default_factory=Cells.empty)
     observations: int = 0
+    sensors: frozenset[str] = frozenset()
 
     @property
     def map_type(self) -> str:

@@ -99,6 +99,7 @@ class PointLandmarks:
         sightings[:, SIGHTINGS], sightings[:, SUM_X], sightings[:, SUM_Y] = 1, steps[:, 0], steps[:, 1]
         own.cells = own.cells.plus(Cells(keys, looks)).plus(Cells.summed(sighted, sightings))
         own.observations += 1
+        own.sensors |= {observation.sensor}
         return CellRegion(own.cell_m, keys)
 
     def view(
@@ -126,7 +127,7 @@ class PointLandmarks:
         if not len(donor.cells):
             raise EmptyMapError("the donor's landmark map is empty: there is nothing to place")
         cells = place_cells(donor.cells, donor.cell_m, T_receiver_donor.snapped(), scale, self._cell_m)
-        return LandmarkLayer(self._cell_m, cells, donor.observations)
+        return LandmarkLayer(self._cell_m, cells, donor.observations, donor.sensors)
 
     def absorb(self, layer: Layer, contribution: Contribution) -> CellRegion:
         own, donor = as_layer(layer), as_layer(contribution.layer)
@@ -160,7 +161,7 @@ class PointLandmarks:
             bounds_m=_bounds_m(own),
             known_area_m2=len(own.cells) * own.cell_m**2,
             observations=own.observations,
-            sensor="planar lidar",
+            sensor=", ".join(sorted(own.sensors)),
             quality=quality,
             extra={"landmarks": len(landmarks)},
         )
