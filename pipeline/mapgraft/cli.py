@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 import typer
 
 from mapgraft import __version__
 from mapgraft.errors import MapgraftError
 
+# The class of all faults on a command line; typer has kept it in different places.
+USAGE_FAULT = cast("type[Exception]", typer.BadParameter.__mro__[1])
 INTERRUPTED = 130  # what a shell expects of a program that Ctrl-C ended
 
 app = typer.Typer(
@@ -186,23 +188,20 @@ def main() -> None:
 
 def invoke(arguments: list[str]) -> int:
     """Run one command line and return its exit code: 0 done, 1 the job failed, 2 wrong usage, 130 interrupted."""
-    import click
-
     debug = "--debug" in arguments
     try:
         code = app(args=arguments, prog_name="mapgraft", standalone_mode=False)
         return code if isinstance(code, int) else 0
-    except click.exceptions.Exit as exit_:
+    except typer.Exit as exit_:
         return exit_.exit_code
-    except click.ClickException as error:
-        error.show(sys.stderr)
-        return 2
+    except (KeyboardInterrupt, typer.Abort):
+        return _fail("interrupted; what was decided before is on disk", INTERRUPTED)
+    except USAGE_FAULT as error:
+        return _usage(error)
     except MapgraftError as error:
         if debug:
             raise
         return _fail(str(error), error.exit_code)
-    except (KeyboardInterrupt, click.exceptions.Abort):
-        return _fail("interrupted; what was decided before is on disk", INTERRUPTED)
     except BrokenPipeError:
         sys.stderr.close()  # whoever read our output has gone away: nothing more to say
         return 1
@@ -210,6 +209,11 @@ def invoke(arguments: list[str]) -> int:
         if debug:
             raise
         return _fail(f"internal error, {type(error).__name__}: {error}; run again with --debug to see where", 1)
+
+
+def _usage(fault: Exception) -> int:
+    sentence = (fault.format_message() if isinstance(fault, typer.BadParameter) else str(fault)).rstrip(".")
+    return _fail(f"{sentence}; 'mapgraft --help' shows what there is", 2) if sentence else 2  # help was shown
 
 
 def _fail(sentence: str, code: int) -> int:

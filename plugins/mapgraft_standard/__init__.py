@@ -1,4 +1,4 @@
-"""Plugins for any map type: known poses, acceptance and verification by thresholds."""
+"""Plugins for any map type: known poses, acceptance and verification by thresholds, exchange policies."""
 
 from __future__ import annotations
 
@@ -36,3 +36,11 @@ def register_verifiers(register: Register) -> None:
             "limits per metric and reversal, with patience before a revert and new support before a confirmation",
         )
     )
+
+
+@hookimpl
+def register_policies(register: Register) -> None:
+    register(
+        Descriptor("every", "mapgraft_standard.policies:Every", "everybody meets every so many seconds, and at the end")
+    )
+    register(Descriptor("at", "mapgraft_standard.policies:At", "everybody meets at given seconds after the start"))

@@ -1,0 +1,85 @@
+"""What passes between robots is bytes, and what comes out is what went in."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mapgraft.config import PriorConfig
+from mapgraft.contracts import MapError, MapMetadata, Provenance, Transform
+from mapgraft.exchange import LayerMessage, Offer, Traffic
+from mapgraft.persons import given_priors, inverse_prior, planar_covariance, prior_of, recorded_priors
+
+NAMES = st.text(min_size=1, max_size=8)
+
+
+@given(
+    provenance=st.builds(Provenance, NAMES, st.integers(0, 9), st.integers(0, 10**6)),
+    bounds=st.none() | st.tuples(*[st.floats(-1e3, 1e3)] * 4),
+    extra=st.dictionaries(NAMES, st.one_of(st.booleans(), st.floats(-1, 1), NAMES), max_size=3),
+)
+def test_an_offer_survives_the_way(provenance, bounds, extra):
+    offer = Offer(provenance, MapMetadata("grid", 0.05, bounds_m=bounds, can_send=("rays",), extra=extra))
+    assert Offer.decode(offer.encode()) == offer
+    assert Offer.decode(offer.encode()).encode() == offer.encode()
+
+
+@given(payload=st.binary(max_size=100), name=NAMES)
+def test_a_layer_survives_the_way(payload, name):
+    message = LayerMessage(Provenance(name, 1, 2), "grid", payload)
+    assert LayerMessage.decode(message.encode()) == message
+
+
+@given(data=st.binary(max_size=60))
+def test_noise_is_neither_an_offer_nor_a_layer(data):
+    with pytest.raises(MapError, match="an offer of"):
+        Offer.decode(data)
+    with pytest.raises(MapError, match="a layer message of"):
+        LayerMessage.decode(data)
+
+
+def test_bytes_are_counted_per_pair():
+    traffic = Traffic()
+    for size in (3, 4):
+        assert traffic.carry("a", "b", b"x" * size) == b"x" * size
+    assert traffic.sent == {("a", "b"): 7}
+
+
+@given(x=st.floats(-20, 20), y=st.floats(-20, 20), yaw=st.floats(-3, 3))
+def test_a_prior_turned_around_twice_is_itself(x, y, yaw):
+    prior = prior_of(PriorConfig(receiver="a", donor="b", x_m=x, y_m=y, yaw_rad=yaw))
+    twice = inverse_prior(inverse_prior(prior))
+    assert np.allclose(twice.T_receiver_donor.matrix, prior.T_receiver_donor.matrix, atol=1e-9)
+    assert np.allclose(twice.covariance, prior.covariance, atol=1e-9)
+
+
+def test_the_covariance_of_an_inverse_is_that_of_samples():
+    rng = np.random.default_rng(1)
+    prior = prior_of(PriorConfig(receiver="a", donor="b", x_m=8, y_m=-3, yaw_rad=1.1, sigma_m=0.05, sigma_yaw_rad=0.02))
+    T = prior.T_receiver_donor
+    drawn = rng.normal((T.x_m, T.y_m, T.yaw_rad), (0.05, 0.05, 0.02), (20_000, 3))
+    inverses = np.array([(i.x_m, i.y_m, i.yaw_rad) for i in (Transform.planar(*d).inverse() for d in drawn)])
+    planar = inverse_prior(prior).covariance[np.ix_((0, 1, 5), (0, 1, 5))]
+    assert np.allclose(np.cov(inverses.T), planar, rtol=0.08, atol=2e-4)
+
+
+def test_the_direct_word_goes_before_one_turned_around():
+    ab = PriorConfig(receiver="a", donor="b", x_m=1, y_m=0, yaw_rad=0)
+    ba = PriorConfig(receiver="b", donor="a", x_m=5, y_m=0, yaw_rad=0)
+    priors = given_priors([ab, ba])
+    assert priors["a", "b"].T_receiver_donor.x_m == 1
+    assert priors["b", "a"].T_receiver_donor.x_m == 5
+    assert given_priors([ab])["b", "a"].T_receiver_donor.x_m == -1
+
+
+def test_recorded_poses_become_priors_of_every_pair():
+    worlds = {"a": Transform.planar(1, 2, 0), "b": Transform.planar(4, 2, math.pi / 2), "c": Transform.identity()}
+    priors = recorded_priors(worlds)
+    assert len(priors) == 6
+    assert priors["a", "b"].T_receiver_donor.x_m == pytest.approx(3)
+    assert priors["b", "a"].T_receiver_donor.y_m == pytest.approx(3)
+    assert np.array_equal(priors["a", "b"].covariance, planar_covariance(0.1, 0.02))
