@@ -83,7 +83,7 @@ def load_mission_plan(path: Path) -> MissionPlan:
 
 
 def build_mission(floor: FloorPlan, plan: MissionPlan, seed: int) -> Mission:
-    """Fill in what the seed varies: clutter, speeds, start poses, and where each robot's map frame lies."""
+    """Fill in what the seed varies: clutter, speeds, start poses, scan times, where each robot's map frame lies."""
     robots = tuple(_vary(name, robot, seed) for name, robot in plan.robots.items())
     ways = [dense_line(np.array([(p.x_m, p.y_m) for p in robot.route]), 0.1) for robot in robots]
     return Mission(build_world(floor, seed, np.vstack(ways)), robots, seed, plan.duration_s)
@@ -96,6 +96,7 @@ def _vary(name: str, plan: RobotPlan, seed: int) -> Robot:
     speed = plan.speed_m_s * (1.0 + rng.uniform(-_SPEED_VARIES, _SPEED_VARIES))
     origin = rng.uniform(-_MAP_ORIGIN_VARIES_M, _MAP_ORIGIN_VARIES_M, 2)
     map_yaw = rng.uniform(-math.pi, math.pi)
+    scan_delay_s = round(float(rng.uniform(0.0, 1.0)) / plan.lidar.rate_hz, 3)
     route = [Waypoint(*point) for point in plan.route]
     start = Waypoint(route[0].x_m + float(dx), route[0].y_m + float(dy), route[0].wait_s)
     ahead = math.atan2(route[1].y_m - start.y_m, route[1].x_m - start.x_m)
@@ -105,6 +106,7 @@ def _vary(name: str, plan: RobotPlan, seed: int) -> Robot:
         route=(start, *route[1:]),
         limits=Limits(speed_m_s=float(speed)),
         start_yaw_rad=ahead + float(turned),
+        scan_delay_s=scan_delay_s,
         T_world_map=(start.x_m + float(origin[0]), start.y_m + float(origin[1]), float(map_yaw)),
     )
 
