@@ -122,7 +122,7 @@ class Journal:
         )
 
     def _record(self, kind: Kind, stamp_ns: int, donor: str, **fields: Any) -> None:
-        mine = {"reversal": self.reversal.name, "receiver_version": self.reversal.offered_version}
+        mine = {"reversal": self.reversal.name, "receiver_version": self.reversal.version}
         self.history.record(kind, stamp_ns, self.robot, donor, **mine, **fields)
 
 

@@ -32,6 +32,7 @@ class Robot:
     journal: Journal
     merges: dict[str, Merge] = field(default_factory=dict)  # donor → its standing merge
     tried: dict[str, int] = field(default_factory=dict)  # donor → attempts so far
+    looked_at: dict[str, tuple[int, Provenance]] = field(default_factory=dict)  # donor → versions last considered
     attempts: Attempts = field(init=False)
     _encoded: tuple[int, bytes] | None = None
 
@@ -72,6 +73,10 @@ class Robot:
         if (standing := self.merges.get(donor)) is not None:
             self._update(standing, received.provenance, fetch, stamp_ns)
             return
+        both = (self.reversal.version, received.provenance)
+        if self.looked_at.get(donor) == both:  # neither map has changed since: the answer would be the same
+            return
+        self.looked_at[donor] = both
         self.journal.offered(stamp_ns, received.provenance, len(offer))
         if self.hand.forbids(self.name, donor):
             self.journal.forbidden(stamp_ns, donor)

@@ -197,3 +197,10 @@ def test_a_prior_is_a_fact_of_the_table(play):
     prior = Prior(Transform.identity(), planar_covariance(0.1, 0.1), "test")
     memory, _, _ = play(*ALIKE, (2, "alpha", 5), meet=(1,), hand=Hand(priors={("alpha", "bravo"): prior}))
     assert "merged" in kinds(memory)
+
+
+def test_an_offer_is_not_considered_again_while_neither_map_has_changed(play):
+    memory, _, _ = play((0, "alpha", 0, 1), (0, "bravo", 0, 5), (9, "alpha", 1), meet=(1, 2, 3))
+    assert kinds(memory) == ["offered", "unmatched"]
+    memory, _, _ = play((0, "alpha", 0, 1), (0, "bravo", 0, 5), (2, "alpha", 1), (9, "alpha", 1), meet=(1, 3))
+    assert kinds(memory) == ["offered", "unmatched"] * 2

@@ -19,14 +19,14 @@ class Ledger:
     def __init__(self, map_type: MapType) -> None:
         self._map_type = map_type
         self._layer = map_type.new_layer()
-        self._version = 0
+        self.version = 0
         self._contributions: dict[str, Contribution] = {}
         self._own = LazyView(map_type)
         self._fused = LazyView(map_type)
 
     def observe(self, observation: Observation) -> Region:
         touched = self._map_type.integrate(self._layer, observation)
-        self._version += 1
+        self.version += 1
         self._own.touch(touched)
         self._fused.touch(touched)
         return touched
@@ -66,7 +66,7 @@ class Ledger:
 
     @property
     def offered_version(self) -> int:
-        return self._version
+        return self.version
 
     def _standing(self, merge_id: str) -> Contribution:
         try:

@@ -33,13 +33,13 @@ class MultiMap:
     def __init__(self, map_type: MapType) -> None:
         self._map_type = map_type
         self._layer = map_type.new_layer()
-        self._version = 0
+        self.version = 0
         self._own = LazyView(map_type)
         self._levels: list[_Level] = []
 
     def observe(self, observation: Observation) -> Region:
         touched = self._map_type.integrate(self._layer, observation)
-        self._version += 1
+        self.version += 1
         self._own.touch(touched)
         for level in self._levels:
             level.view.touch(self._map_type.integrate(level.layer, observation))
@@ -79,7 +79,7 @@ class MultiMap:
 
     @property
     def offered_version(self) -> int:
-        return self._version
+        return self.version
 
     def _index(self, merge_id: str) -> int:
         for index, level in enumerate(self._levels):

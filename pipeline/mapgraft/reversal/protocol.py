@@ -15,6 +15,11 @@ class Reversal(Protocol):
     @property
     def exact(self) -> bool: ...
     @property
+    def version(self) -> int:
+        """How many own observations there were."""
+        ...
+
+    @property
     def subject(self) -> Literal["own", "merged"]:
         """What metrics see after a merge: the own map, or the merged one where the own is not kept."""
         ...

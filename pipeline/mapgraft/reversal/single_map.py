@@ -23,7 +23,7 @@ class SingleMap:
     def __init__(self, map_type: MapType) -> None:
         self._map_type = map_type
         self._layer = map_type.new_layer()
-        self._version = 0
+        self.version = 0
         self._view = LazyView(map_type)
         self._updated: Region | None = None  # the local update map, kept from the first merge on
         self._foreign: dict[str, Region] = {}
@@ -31,7 +31,7 @@ class SingleMap:
 
     def observe(self, observation: Observation) -> Region:
         touched = self._map_type.integrate(self._layer, observation)
-        self._version += 1
+        self.version += 1
         if self._updated is not None:
             self._updated = self._updated.union(touched)
         self._view.touch(touched)
@@ -41,7 +41,7 @@ class SingleMap:
         if merge_id in self._foreign:
             raise ReversalError(f"merge {merge_id} is already in the map: revert it first")
         if self._before is None:
-            self._before = (self._map_type.decode(self._map_type.encode(self._layer)), self._version)
+            self._before = (self._map_type.decode(self._map_type.encode(self._layer)), self.version)
             self._updated = self._map_type.region(self._layer)
         changed = self._map_type.absorb(self._layer, contribution)
         self._foreign[merge_id] = changed
@@ -87,7 +87,7 @@ class SingleMap:
 
     @property
     def offered_version(self) -> int:
-        return self._version if self._before is None else self._before[1]
+        return self.version if self._before is None else self._before[1]
 
 
 def _shared(a: Region, b: Region) -> int:
