@@ -17,6 +17,7 @@ from operator import attrgetter
 from typing import Generic, NamedTuple, Protocol, Self, TypeVar
 
 from mapgraft.recording.containers.inflate import Content
+from mapgraft.recording.source import ReadFaults
 
 RESIDENT_BYTES = 32 << 20
 """How much decompressed data may wait at a time, beside the one chunk that is being read."""
@@ -170,3 +171,19 @@ class _Reader(Generic[T]):
     def __exit__(self, *_: object) -> None:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
+
+
+def note_damage(faults: ReadFaults, offset: int, content: Content) -> None:
+    """Count a chunk that could not be read, or not wholly."""
+    if content.damage and content.data:
+        faults.add(
+            "chunk_partial", f"the chunk at byte {offset} {content.damage}: only its beginning is read", place=offset
+        )
+    elif content.damage:
+        faults.add("chunk_damaged", f"the chunk at byte {offset} {content.damage}: it is left out", place=offset)
+
+
+def note_late(faults: ReadFaults, place: Place) -> None:
+    """Count a chunk whose stated start is later than its first message."""
+    sentence = f"the chunk at byte {place.offset} holds messages from before its stated start: they come late"
+    faults.add("late_messages", sentence, place=place.offset)

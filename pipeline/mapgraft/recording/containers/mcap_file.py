@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from functools import partial
 from operator import attrgetter
@@ -14,19 +13,19 @@ from typing import Self
 from mcap.records import Channel as ChannelRecord
 
 from mapgraft.errors import RecordingError
-from mapgraft.recording.containers.chunks import Place, in_log_order
+from mapgraft.recording.containers.chunks import Place, T, in_log_order, note_damage, note_late
 from mapgraft.recording.containers.inflate import Content
+from mapgraft.recording.containers.latching import is_latched
 from mapgraft.recording.containers.mapping import map_file
-from mapgraft.recording.containers.mcap_index import McapIndex, note_damage, read_index
-from mapgraft.recording.containers.mcap_messages import Wanted, messages
+from mapgraft.recording.containers.mcap_index import McapIndex, read_index
+from mapgraft.recording.containers.mcap_messages import messages
 from mapgraft.recording.containers.mcap_records import MAGIC, chunk_content
 from mapgraft.recording.containers.mcap_scans import chunk_scans, index_entries
 from mapgraft.recording.containers.scanning import decoded_scan
+from mapgraft.recording.containers.selection import Wanted, places_of, wanted
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, RosCodec, SchemaText, Undecodable, codec_for
 from mapgraft.recording.decoding.names import message_type
 from mapgraft.recording.source import SCAN_TYPES, Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage
-
-_TRANSIENT_LOCAL = re.compile(r"durability:\s*(1\b|transient_local\b)")
 
 
 class McapSource:
@@ -62,7 +61,7 @@ class McapSource:
             message_type(schema.name) if schema is not None else "",
             record.message_encoding,
             None if index.counts is None else index.counts.get(record.id, 0),
-            _is_latched(record.metadata),
+            is_latched(record.metadata),
             not isinstance(codec, Undecodable),
             codec.why_not if isinstance(codec, Undecodable) else "",
         )
@@ -71,64 +70,50 @@ class McapSource:
         self, topics: Collection[str] | None = None, start_ns: int | None = None, end_ns: int | None = None
     ) -> Iterator[RawMessage]:
         """See ``Source.messages``."""
-        wanted = self._wanted(topics, start_ns, end_ns, self.channels)
-        return in_log_order(self._places_of(wanted), self._fetch, partial(self._parse, wanted), self._note_late)
+        return self._in_order(wanted(self.channels, topics, start_ns, end_ns), self._parse)
 
     def scans(
         self, topics: Collection[str] | None = None, start_ns: int | None = None, end_ns: int | None = None
     ) -> Iterator[RecordedScan]:
         """See ``Source.scans``."""
-        wanted = self._wanted(topics, start_ns, end_ns, [c for c in self.channels if c.message_type in SCAN_TYPES])
-        return in_log_order(self._places_of(wanted), self._fetch, partial(self._parse_scans, wanted), self._note_late)
+        channels = [channel for channel in self.channels if channel.message_type in SCAN_TYPES]
+        return self._in_order(wanted(channels, topics, start_ns, end_ns), self._parse_scans)
 
-    def _wanted(
-        self, topics: Collection[str] | None, start_ns: int | None, end_ns: int | None, channels: Iterable[Channel]
-    ) -> Wanted:
-        chosen = {c.id: c for c in channels if c.decodable and (topics is None or c.topic in topics)}
-        return Wanted(chosen, 0 if start_ns is None else start_ns, 2**64 if end_ns is None else end_ns)
-
-    def _places_of(self, wanted: Wanted) -> list[Place]:
-        if not wanted.channels:
-            return []
-        return [
-            place
-            for place in self._places
-            if place.end_ns >= wanted.start_ns
-            and place.start_ns <= wanted.end_ns
-            and (place.channels is None or not wanted.channels.keys().isdisjoint(place.channels))
-        ]
+    def _in_order(self, want: Wanted, parse: Callable[[Wanted, Place, Content], list[T]]) -> Iterator[T]:
+        late = partial(note_late, self.faults)
+        return in_log_order(places_of(self._places, want), self._fetch, partial(parse, want), late)
 
     def _fetch(self, place: Place) -> Content:
         return chunk_content(self._view, place.offset, place.end)
 
-    def _parse(self, wanted: Wanted, place: Place, content: Content) -> list[RawMessage]:
-        found, broken = messages(content.data, wanted)
+    def _parse(self, want: Wanted, place: Place, content: Content) -> list[RawMessage]:
+        found, broken = messages(content.data, want)
         if broken and not content.damage:
             content = content._replace(damage="has a broken record")
         note_damage(self.faults, place.offset, content)
         return found
 
-    def _parse_scans(self, wanted: Wanted, place: Place, content: Content) -> list[RecordedScan]:
+    def _parse_scans(self, want: Wanted, place: Place, content: Content) -> list[RecordedScan]:
         """The scans of a chunk: of each channel at once where its message index tells, else one by one."""
         found: list[RecordedScan] = []
         left = {}
-        for channel in wanted.channels.values():
-            scans = self._scans_by_index(place, content, channel, wanted)
+        for channel in want.channels.values():
+            scans = self._scans_by_index(place, content, channel, want)
             if scans is None:
                 left[channel.id] = channel
             else:
                 found += scans
         if left or content.damage:
-            for message in self._parse(replace(wanted, channels=left), place, content):
+            for message in self._parse(replace(want, channels=left), place, content):
                 scan = decoded_scan(self, message)
                 if scan is not None:
                     found.append(scan)
-        if len(wanted.channels) > 1:
+        if len(want.channels) > 1:
             found.sort(key=attrgetter("log_ns"))
         return found
 
     def _scans_by_index(
-        self, place: Place, content: Content, channel: Channel, wanted: Wanted
+        self, place: Place, content: Content, channel: Channel, want: Wanted
     ) -> list[RecordedScan] | None:
         codec = self._codecs[channel.id]
         if content.damage or place.channels is None or not isinstance(codec, RosCodec) or not codec.is_plain_scan:
@@ -136,15 +121,8 @@ class McapSource:
         at = place.channels.get(channel.id)
         if at is None:
             return []
-        entries = index_entries(self._view, at, channel.id, wanted) if at else None
+        entries = index_entries(self._view, at, channel.id, want) if at else None
         return None if entries is None else chunk_scans(content.data, entries, channel)
-
-    def _note_late(self, place: Place) -> None:
-        self.faults.add(
-            "late_messages",
-            f"the chunk at byte {place.offset} holds messages from before its stated start: they come late",
-            place=place.offset,
-        )
 
     def decode(self, message: RawMessage) -> object:
         """See ``Source.decode``."""
@@ -165,10 +143,3 @@ class McapSource:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def _is_latched(metadata: Mapping[str, str]) -> bool:
-    """Whether a channel's publisher kept its last message for late subscribers (ROS 1 latching, ROS 2 durability)."""
-    if metadata.get("latching", "").lower() in ("1", "true"):
-        return True
-    return _TRANSIENT_LOCAL.search(metadata.get("offered_qos_profiles", "")) is not None

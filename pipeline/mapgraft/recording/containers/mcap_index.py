@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 from mcap.records import Channel as ChannelRecord
 from mcap.records import ChunkIndex, Footer, Header, Schema, Statistics
 
-from mapgraft.recording.containers.chunks import Place
-from mapgraft.recording.containers.inflate import Content
+from mapgraft.recording.containers.chunks import Place, note_damage
 from mapgraft.recording.containers.mcap_messages import Spans, spans
 from mapgraft.recording.containers.mcap_records import (
     FOOTER_BYTES,
@@ -151,16 +150,6 @@ def _walk(view: memoryview, index: McapIndex, faults: ReadFaults, *, look_inside
             index.count(found)
     if unopened:
         index.counts = None
-
-
-def note_damage(faults: ReadFaults, offset: int, content: Content) -> None:
-    """Count a chunk that could not be read, or not wholly."""
-    if content.damage and content.data:
-        faults.add(
-            "chunk_partial", f"the chunk at byte {offset} {content.damage}: only its beginning is read", place=offset
-        )
-    elif content.damage:
-        faults.add("chunk_damaged", f"the chunk at byte {offset} {content.damage}: it is left out", place=offset)
 
 
 def _places(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import NamedTuple
@@ -16,7 +16,8 @@ from mapgraft.recording.containers.mcap_records import (
     parsed,
     records,
 )
-from mapgraft.recording.source import Channel, RawMessage
+from mapgraft.recording.containers.selection import Wanted
+from mapgraft.recording.source import RawMessage
 
 _message_head = struct.Struct("<BQHIQ").unpack_from  # opcode, length, channel, sequence, log time
 _log_ns = attrgetter("log_ns")
@@ -46,15 +47,6 @@ def spans(data: bytes | memoryview, declare: Callable[[object], None]) -> Spans:
     return found
 
 
-@dataclass(frozen=True, slots=True)
-class Wanted:
-    """Which messages to take: the channels by id, and the window of log time, both ends included."""
-
-    channels: Mapping[int, Channel]
-    start_ns: int
-    end_ns: int
-
-
 class Messages(NamedTuple):
     """The wanted messages of a chunk; ``broken`` when its records do not add up to its content."""
 
@@ -62,14 +54,14 @@ class Messages(NamedTuple):
     broken: bool
 
 
-def messages(data: bytes | memoryview, wanted: Wanted) -> Messages:
+def messages(data: bytes | memoryview, want: Wanted) -> Messages:
     """The wanted messages of a chunk's content by log time, equal times as they were written.
 
     ``RawMessage.data`` are views into ``data``. A record that is cut ends the list.
     """
     view = memoryview(data)
     size, position, last_ns, in_order = len(view), 0, 0, True
-    channels, start_ns, end_ns = wanted.channels, wanted.start_ns, wanted.end_ns
+    channels, start_ns, end_ns = want.channels, want.start_ns, want.end_ns
     found: list[RawMessage] = []
     while size - position >= MESSAGE_HEAD:  # what is shorter cannot be a message
         opcode, length, channel_id, _, log_ns = _message_head(view, position)

@@ -13,8 +13,8 @@ from itertools import repeat
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft.recording.containers.mcap_messages import Wanted
 from mapgraft.recording.containers.mcap_records import MESSAGE_HEAD, OPCODE_MESSAGE, RECORD_HEAD
+from mapgraft.recording.containers.selection import Wanted
 from mapgraft.recording.decoding.laser_layout import FLOAT32, LITTLE_ENDIAN_CDR, Layout, layout_of
 from mapgraft.recording.decoding.names import bare_frame
 from mapgraft.recording.source import Channel, RecordedScan, ScanMessage
@@ -27,7 +27,7 @@ _new_recorded = partial(tuple.__new__, RecordedScan)
 Entries = NDArray[np.uint64]  # (n, 2): log time in nanoseconds, offset of the message record in the chunk
 
 
-def index_entries(view: memoryview, at: int, channel_id: int, wanted: Wanted) -> Entries | None:
+def index_entries(view: memoryview, at: int, channel_id: int, want: Wanted) -> Entries | None:
     """The entries of a message index record in the window, in log-time order; None when there is no such record."""
     try:
         opcode, length, channel, size = _index_head(view, at)
@@ -37,8 +37,8 @@ def index_entries(view: memoryview, at: int, channel_id: int, wanted: Wanted) ->
         return None
     entries = np.frombuffer(view, "<u8", size // 8, at + 15).reshape(-1, 2)
     times = entries[:, 0]
-    if wanted.start_ns > 0 or wanted.end_ns < 2**63:
-        entries = entries[(times >= max(wanted.start_ns, 0)) & (times <= min(wanted.end_ns, 2**64 - 1))]
+    if want.start_ns > 0 or want.end_ns < 2**63:
+        entries = entries[(times >= max(want.start_ns, 0)) & (times <= min(want.end_ns, 2**64 - 1))]
         times = entries[:, 0]
     if (times[1:] < times[:-1]).any():
         entries = entries[np.lexsort((entries[:, 1], times))]

@@ -10,6 +10,7 @@ from functools import cached_property, lru_cache
 from types import SimpleNamespace
 from typing import Any, NamedTuple, Protocol
 
+from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -102,9 +103,24 @@ def types_of(schema: SchemaText) -> Typestore:
                 store.register(get_types_from_idl(part))
         else:
             store.register(get_types_from_msg(text, name))
+        _fill_in(store, get_typestore(Stores.ROS1_NOETIC if schema.encoding == "ros1msg" else Stores.ROS2_HUMBLE))
     except (*_UNDECODABLE, SyntaxError) as error:
         raise RecordingError(f"the definition of {name} in the recording cannot be parsed ({error})") from error
     return store
+
+
+def _fill_in(store: Typestore, usual: Typestore) -> None:
+    """Take what a definition refers to but does not bring along from the usual types.
+
+    Bags of early ROS 1 say ``Header`` and define it as ``roslib/Header``, for example.
+    """
+    missing = list(store.fielddefs)
+    while missing:
+        for _, kind in store.fielddefs[missing.pop()][1]:
+            name = kind[1][0][1] if kind[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE) else kind[1]
+            if isinstance(name, str) and name not in store.fielddefs and name in usual.fielddefs:
+                store.fielddefs[name], store.types[name] = usual.fielddefs[name], usual.types[name]
+                missing.append(name)
 
 
 def _idl_parts(text: str) -> list[str]:
@@ -154,8 +170,12 @@ class RosCodec:
         """Whether these are laser scans with the fields that everybody's have."""
         if self._name != LASER_SCAN:
             return False
+        try:
+            own = self.store.fielddefs
+        except RecordingError:
+            return False
         usual = get_typestore(Stores.ROS1_NOETIC if self._encoding == "ros1" else Stores.ROS2_HUMBLE).fielddefs
-        return all(self.store.fielddefs[name][1] == usual[name][1] for name in (LASER_SCAN, _HEADER))
+        return all(name in own and own[name][1] == usual[name][1] for name in (LASER_SCAN, _HEADER))
 
     def _general_scan(self, data: Data) -> ScanMessage:
         return SCAN_READERS[self._name](self._deserialize(data, self._name))

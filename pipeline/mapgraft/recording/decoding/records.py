@@ -32,3 +32,10 @@ class PoseRecord(NamedTuple):
     def transform(self) -> Transform:
         """``T_frame_child``; raises TransformError when the record is not valid."""
         return Transform.from_quaternion(self.xyz_m, self.xyzw)
+
+
+def planar_record(stamp_ns: int, frame: str, child: str, pose: tuple[float, float, float]) -> PoseRecord:
+    """The record of a planar pose (x m, y m, yaw rad)."""
+    x_m, y_m, yaw_rad = pose
+    turn = (0.0, 0.0, math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)) if math.isfinite(yaw_rad) else (math.nan,) * 4
+    return PoseRecord(stamp_ns, frame, child, (x_m, y_m, 0.0), (turn[0], turn[1], turn[2], turn[3]))

@@ -1,0 +1,119 @@
+"""ROS 1 bags (format 2.0), whole, cut or damaged."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from mapgraft.errors import RecordingError
+from mapgraft.recording.containers.bag_index import BagIndex, read_bag_index
+from mapgraft.recording.containers.bag_records import MAGIC, Connection, bag_content, bag_messages, bag_records
+from mapgraft.recording.containers.chunks import Place, in_log_order, note_damage, note_late
+from mapgraft.recording.containers.inflate import Content
+from mapgraft.recording.containers.mapping import map_file
+from mapgraft.recording.containers.scanning import scans_of
+from mapgraft.recording.containers.selection import Wanted, places_of, wanted
+from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, SchemaText, Undecodable, codec_for
+from mapgraft.recording.decoding.names import message_type
+from mapgraft.recording.source import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage
+
+OLD_MAGIC = b"#ROSRECORD V"
+ANY_MAGIC = b"#ROSBAG V"
+
+
+class BagSource:
+    """One ROS 1 bag. Raises RecordingError for an empty, an encrypted, an old (before 2.0) or no bag at all.
+
+    A bag with a missing or broken index is walked, and what can be read is read; ``faults`` says what was lost.
+    """
+
+    container = "rosbag1"
+
+    def __init__(self, path: Path, *, typestore: str = DEFAULT_TYPESTORE) -> None:
+        self.path = path
+        self.faults = ReadFaults()
+        self._view = map_file(path)
+        _check_head(path, self._view)
+        index = read_bag_index(self._view, self.faults)
+        self._places = index.places
+        self.start_ns = min((place.start_ns for place in index.places), default=None)
+        self.end_ns = max((place.end_ns for place in index.places), default=None)
+        self._codecs: dict[int, Codec] = {}
+        self.channels = tuple(self._channel(found, index, typestore) for _, found in sorted(index.connections.items()))
+
+    def _channel(self, found: Connection, index: BagIndex, typestore: str) -> Channel:
+        codec = codec_for("ros1", SchemaText(found.type_name, "ros1msg", found.definition), typestore)
+        if not isinstance(codec, Undecodable):
+            self._codecs[found.id] = codec
+        return Channel(
+            found.id,
+            found.topic,
+            message_type(found.type_name),
+            "ros1",
+            index.counts.get(found.id, 0),
+            found.latched,
+            not isinstance(codec, Undecodable),
+            codec.why_not if isinstance(codec, Undecodable) else "",
+        )
+
+    def messages(
+        self, topics: Collection[str] | None = None, start_ns: int | None = None, end_ns: int | None = None
+    ) -> Iterator[RawMessage]:
+        """See ``Source.messages``."""
+        want = wanted(self.channels, topics, start_ns, end_ns)
+        late = partial(note_late, self.faults)
+        return in_log_order(places_of(self._places, want), self._fetch, partial(self._parse, want), late)
+
+    def _fetch(self, place: Place) -> Content:
+        return bag_content(self._view, place.offset, place.end)
+
+    def _parse(self, want: Wanted, place: Place, content: Content) -> list[RawMessage]:
+        found, broken = bag_messages(content.data, want)
+        if broken and not content.damage:
+            content = content._replace(damage="has a broken record")
+        note_damage(self.faults, place.offset, content)
+        return found
+
+    def scans(
+        self, topics: Collection[str] | None = None, start_ns: int | None = None, end_ns: int | None = None
+    ) -> Iterator[RecordedScan]:
+        """See ``Source.scans``."""
+        return scans_of(self, topics, start_ns, end_ns)
+
+    def decode(self, message: RawMessage) -> object:
+        """See ``Source.decode``."""
+        return self._codecs[message.channel.id].decode(message.data)
+
+    def decode_scan(self, message: RawMessage) -> ScanMessage:
+        """See ``Source.decode_scan``."""
+        return self._codecs[message.channel.id].decode_scan(message.data)
+
+    def close(self) -> None:
+        """See ``Source.close``."""
+        self._view = memoryview(b"")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _check_head(path: Path, view: memoryview) -> None:
+    line = bytes(view[:64]).partition(b"\n")[0].decode(errors="replace")
+    right = bytes(view[: len(MAGIC)]) == MAGIC
+    if not right and line.startswith((OLD_MAGIC.decode(), ANY_MAGIC.decode())):
+        raise RecordingError(
+            f"{path} is a ROS bag of an old format ({line}): rewrite it as format 2.0 with ROS 1, "
+            "'rosbag filter OLD.bag NEW.bag True'"
+        )
+    if not right:
+        raise RecordingError(f"{path} is not a ROS 1 bag: it does not begin like one")
+    head = next(bag_records(view, len(MAGIC), len(view)), None)
+    if head is not None and head.fields.get(b"encryptor"):
+        raise RecordingError(f"{path} is encrypted ({head.fields[b'encryptor'].decode(errors='replace')}): decrypt it")
