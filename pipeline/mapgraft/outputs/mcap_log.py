@@ -13,6 +13,7 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from mapgraft.contracts import Map, MapType, Observation, Transform
+from mapgraft.errors import PluginError
 from mapgraft.events import Event, Snapshot
 from mapgraft.outputs.event_message import encode_event, encode_log
 from mapgraft.outputs.links import MARKERS_TYPE, link_markers
@@ -141,7 +142,10 @@ class McapLog:
     def _map(self, prefix: str, frame_id: str, stamp_ns: int, map_type: MapType, map_: Map) -> None:
         for message in map_type.messages(map_):
             topic = f"{prefix}/{message.suffix}"
-            data = self._encoder.encode(message.message_type, message.fields, stamp_ns, frame_id)
+            try:
+                data = self._encoder.encode(message.message_type, message.fields, stamp_ns, frame_id)
+            except PluginError as error:
+                raise PluginError(f"the map type {map_type.name!r} cannot be shown: {error}") from error
             body = bytearray(data)
             if self._encoder.begins_with_header(message.message_type):
                 body[_STAMP] = bytes(8)

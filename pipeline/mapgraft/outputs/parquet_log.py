@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 
 from mapgraft.events import Event, Snapshot
 from mapgraft.outputs.provenance import InputFile
-from mapgraft.outputs.staging import Staging, sha256_of, sync
+from mapgraft.outputs.staging import Staging, sha256_of, sync, writing
 from mapgraft.outputs.tables import Row, events_table, metrics_table, recordings_table, rows_table, snapshot_row
 from mapgraft_schemas import arrow_schema, table
 
@@ -26,11 +26,15 @@ _GROUP_BYTES = 32 * 2**20  # of Arrow data waiting to become a row group
 class PartWriter:
     """Streams one part of one table; rows must come sorted as the table says. Methods raise OSError."""
 
-    def __init__(self, staging: Staging, name: str, run_id: str, writer: str = "") -> None:
+    def __init__(
+        self, staging: Staging, name: str, run_id: str, writer: str = "", group_rows: int = _GROUP_ROWS
+    ) -> None:
+        self._group_rows = group_rows
         self._folder, self._staging = f"{name}/run_id={run_id}", staging
         self._name = f"{self._folder}/.part-00000{writer}.parquet"  # readers of a data set skip names with a dot
         self._stream = staging.create(self._name)
-        self._schema = arrow_schema(name)
+        schema = arrow_schema(name)  # run_id is told by the folder; as a column it would clash with the partition
+        self._schema = schema.with_metadata({**schema.metadata, "run_id": run_id})
         columns = [column.name for column in table(name).columns]
         self._writer = pq.ParquetWriter(
             self._stream,
@@ -50,7 +54,7 @@ class PartWriter:
         self._waiting.append(rows)
         self._rows += rows.num_rows
         self._bytes += rows.nbytes
-        if self._rows >= _GROUP_ROWS or self._bytes >= _GROUP_BYTES:
+        if self._rows >= self._group_rows or self._bytes >= _GROUP_BYTES:
             self._write_group()
 
     def close(self) -> None:
@@ -72,7 +76,7 @@ class PartWriter:
 
     def _write_group(self) -> None:
         rows = pa.concat_tables(self._waiting).unify_dictionaries().combine_chunks()
-        self._writer.write_table(rows, row_group_size=_GROUP_ROWS)
+        self._writer.write_table(rows, row_group_size=self._group_rows)
         self._waiting.clear()
         self._rows = self._bytes = 0
 
@@ -128,14 +132,20 @@ def write_rows(out: Path, name: str, run_id: str, rows: pa.Table) -> str:
     """Append a part to a table of an output folder, atomically; returns its name, relative to the folder.
 
     For rows that people add after a run (``labels``). ``rows`` are cast to the table's schema and sorted as it says.
-    Raises OSError, or pyarrow.ArrowInvalid when the rows do not fit.
+    Raises OutputError when the folder cannot be written, ValueError when the rows do not fit the schema.
     """
-    staging = Staging(out)
-    part = PartWriter(staging, name, run_id, writer=f"-{os.getpid()}")
     keys = [(column, "ascending") for column in table(name).sorted_by]
-    part.append(rows.cast(arrow_schema(name)).sort_by(keys))
-    part.close()
-    return staging.publish()[0]
+    fitting = rows.cast(arrow_schema(name)).sort_by(keys)
+    staging = Staging(out)
+    with writing(out):
+        part = PartWriter(staging, name, run_id, writer=f"-{os.getpid()}")
+        try:
+            part.append(fitting)
+            part.close()
+        except BaseException:
+            part.abandon()
+            raise
+        return staging.publish()[0]
 
 
 def other_parts(out: Path, name: str, run_id: str, kept: Sequence[str]) -> list[Path]:

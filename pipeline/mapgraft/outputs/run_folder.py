@@ -188,7 +188,7 @@ class RunFolder:
             "robots": robots,
             "components": [{"name": c.name, "robots": list(c.robots), "map_of": c.map_of} for c in together],
             **self._tally.summary(),
-            "files": self._staging.names,
+            "files": [name for name in self._staging.names if "/run_id=" not in name],
         }
         self._staging.write(SUMMARY, json_bytes(summary))  # the last one renamed: who finds it finds all others
 
@@ -206,7 +206,8 @@ class RunFolder:
 
     def _remove_leftovers(self, earlier: list[str], published: list[str]) -> None:
         """What an earlier writing of this folder had and this one has not, so that nobody takes it for today's."""
-        stale = [self._out / name for name in earlier if name.startswith(_OURS) and name not in published]
+        ours = [name for name in earlier if name.startswith(_OURS) and "/run_id=" not in name]
+        stale = [self._out / name for name in ours if name not in published]
         for table in WRITTEN:
             stale += other_parts(self._out, table, self._run_id, published)
         for path in stale:

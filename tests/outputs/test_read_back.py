@@ -1,0 +1,42 @@
+"""Reading events back from files that are whole, cut, damaged, or something else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mapgraft.errors import OutputError
+from mapgraft.events import Event
+from mapgraft.outputs.read_back import read_events
+
+
+def test_a_cut_file_gives_the_events_before_the_cut(merge_file: Path, tmp_path: Path, events: list[Event]) -> None:
+    data = merge_file.read_bytes()
+    counts = []
+    for size in range(len(data) // 20, len(data), len(data) // 20):
+        cut = tmp_path / "cut.mcap.partial"
+        cut.write_bytes(data[:size])
+        found = read_events(cut)
+        assert [e.seq for e in found] == [e.seq for e in events[: len(found)]]
+        counts.append(len(found))
+    assert counts == sorted(counts) and counts[-1] > counts[0]
+
+
+def test_a_finished_file_that_is_damaged_is_said(merge_file: Path, tmp_path: Path) -> None:
+    data = bytearray(merge_file.read_bytes())
+    at = data.index(b"zstd") + 300
+    data[at : at + 40] = bytes(40)
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(data)
+    with pytest.raises(OutputError, match="is damaged"):
+        read_events(damaged)
+
+
+def test_other_files_are_said(tmp_path: Path) -> None:
+    other = tmp_path / "other.mcap"
+    other.write_bytes(b"hello")
+    with pytest.raises(OutputError, match="is no MCAP file"):
+        read_events(other)
+    with pytest.raises(OutputError, match="cannot be read: No such file"):
+        read_events(tmp_path / "missing.mcap")
