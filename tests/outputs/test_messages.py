@@ -77,4 +77,4 @@ def test_definitions_stand_alone(encoder: MessageEncoder, name: str) -> None:
 
 def test_our_definition_carries_its_comments(encoder: MessageEncoder) -> None:
     assert "# p_receiver = T_receiver_donor p_donor" in encoder.definition(MERGE_EVENT)
-    assert "# NaN when there is too little to measure." in encoder.definition(MERGE_EVENT)
+    assert "# NaN when there is too little to measure" in encoder.definition(MERGE_EVENT)
