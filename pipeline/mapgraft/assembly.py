@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from mapgraft.config import Config, MapConfig
 from mapgraft.contracts import MapType
-from mapgraft.decision import build_table
+from mapgraft.decision import DecisionTable
 from mapgraft.errors import ConfigError
 from mapgraft.events import Sink
 from mapgraft.history import History, Journal
@@ -32,9 +32,9 @@ class Assembly:
     history: History
 
 
-def assemble(mission: Mission, config: Config, plugins: Plugins, sink: Sink) -> Assembly:
+def assemble(mission: Mission, config: Config, plugins: Plugins, table: DecisionTable, sink: Sink) -> Assembly:
     """Make the robots of a mission; raises ConfigError or PluginError when something does not fit."""
-    workshop, table, history = Workshop(plugins), build_table(plugins, config.rules), History(sink)
+    workshop, history = Workshop(plugins), History(sink)
     hand = hand_of(config, mission)
     robots: dict[str, Robot] = {}
     for source in mission.robots:

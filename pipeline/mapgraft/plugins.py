@@ -9,7 +9,7 @@ import inspect
 import os
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import pluggy
 
@@ -17,7 +17,7 @@ from mapgraft import hooks
 from mapgraft.contracts.plugin import PROJECT, Descriptor
 from mapgraft.errors import ConfigError, PluginError
 
-GROUP = "mapgraft"
+GROUP = OWN = "mapgraft"
 NO_AUTOLOAD = "MAPGRAFT_DISABLE_PLUGIN_AUTOLOAD"
 
 PluginKind = Literal[
@@ -48,8 +48,7 @@ HOOK_OF: dict[PluginKind, str] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Origin:
+class Origin(NamedTuple):
     """Which entry point of which distribution a thing came from."""
 
     plugin: str
@@ -161,17 +160,16 @@ class Plugins:
 
 
 def load_plugins(without: Collection[str] = ()) -> Plugins:
-    """All installed plugins, in the order of their entry points' names; a broken one is noted and skipped.
+    """All installed plugins, mapgraft's own first, then by their entry points' names; a broken one is noted and skipped.
 
     ``without`` names entry points to leave out. With MAPGRAFT_DISABLE_PLUGIN_AUTOLOAD set only mapgraft's own
     distribution is loaded.
     """
     plugins = Plugins()
-    entry_points = sorted(importlib.metadata.entry_points(group=GROUP), key=lambda e: (e.name, e.value))
+    found = [(_origin_of(entry_point), entry_point) for entry_point in importlib.metadata.entry_points(group=GROUP)]
     own_only = bool(os.environ.get(NO_AUTOLOAD))
-    for entry_point in entry_points:
-        origin = _origin_of(entry_point)
-        if entry_point.name in without or (own_only and origin.distribution != "mapgraft"):
+    for origin, entry_point in sorted(found, key=lambda pair: (pair[0].distribution != OWN, *pair[0], pair[1].value)):
+        if entry_point.name in without or (own_only and origin.distribution != OWN):
             continue
         try:
             load_plugin(plugins, entry_point.load(), origin)

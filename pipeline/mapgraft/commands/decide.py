@@ -15,7 +15,7 @@ from mapgraft.contracts import MapMetadata
 from mapgraft.decision import METADATA_FIELDS, DecisionTable, Ruling, Value, build_table, facts_of
 from mapgraft.errors import UsageError
 from mapgraft.plugins import load_plugins
-from mapgraft.run import as_config
+from mapgraft.job import as_config
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ def _described(table: DecisionTable, question: Question) -> _Answer:
 
 def _recorded(table: DecisionTable, files: Sequence[Path], config: Config, without: Sequence[str]) -> Iterator[_Answer]:
     """Every ordered pair, with the maps as they are at the end of the recording."""
-    from mapgraft.run import Fan, mapped_robots
+    from mapgraft.job import Fan, mapped_robots
 
     robots = mapped_robots(files, config, load_plugins(without), Fan([]))
     for receiver, donor in permutations(sorted(robots), 2):

@@ -10,6 +10,7 @@ from typing import Any
 from rich.table import Table
 
 from mapgraft.console import cell, print_json, results
+from mapgraft.decision import build_table
 from mapgraft.errors import PluginError
 from mapgraft.plugins import Offered, Plugins, load_plugins
 
@@ -17,6 +18,7 @@ from mapgraft.plugins import Offered, Plugins, load_plugins
 def list_plugins(*, as_json: bool, without: Sequence[str]) -> None:
     """Print what is installed, and what could not be loaded and why."""
     plugins = load_plugins(without)
+    build_table(plugins)  # finds out which plugins' rules do not fit
     if as_json:
         print_json(
             {

@@ -11,7 +11,7 @@ from mapgraft.commands.summary import as_json_summary, print_summary
 from mapgraft.config import Config
 from mapgraft.console import cell, print_json, remarks
 from mapgraft.plugins import Plugins, load_plugins
-from mapgraft.run import Result, as_config, demo, run
+from mapgraft.job import Result, as_config, demo, run
 
 __all__ = ["Overrides", "run_and_show"]
 

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from mapgraft.console import cell, results
 from mapgraft.events import Event
-from mapgraft.run import Result
+from mapgraft.job import Result
 
 
 def print_summary(result: Result) -> None:

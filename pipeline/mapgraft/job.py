@@ -47,14 +47,21 @@ class Result:
         """One row per event, in the schema of ``events/``."""
         from mapgraft.outputs.tables import events_table
 
-        return events_table(self.events, self.run_id)
+        return events_table(self.events)
 
     @property
     def metrics_table(self) -> pa.Table:
         """One row per measurement, in the schema of ``metrics/``."""
         from mapgraft.outputs.tables import metrics_table
 
-        return metrics_table(self.events, self.run_id)
+        return metrics_table(self.events)
+
+    @property
+    def transforms_table(self) -> pa.Table:
+        """One row per pair of robots that standing merges connect."""
+        from mapgraft.outputs.tables import transforms_table
+
+        return transforms_table(self.events)
 
     @property
     def standing(self) -> Mapping[str, Event]:
@@ -113,7 +120,7 @@ def run(
         folder = RunFolder(Path(out), paths[0], run_id, provenance) if out is not None else None
         fan = Fan([*sinks, *([folder] if folder else [])])
         try:
-            assembly = assemble(mission, checked, plugins, fan)
+            assembly = assemble(mission, checked, plugins, table, fan)
             count = replay(mission.observations(), assembly.robots, assembly.exchange, fan)
             if count == 0:
                 raise RecordingError(nothing_to_map(mission))
@@ -150,12 +157,13 @@ def provenance_of(
     paths: Sequence[Path], config: Config, plugins: Plugins, table: DecisionTable, clock: datetime | None = None
 ) -> RunProvenance:
     """What a run is made of. ``clock`` is when it was started (default: now)."""
+    pose_files = [robot.poses.file for _, robot in sorted(config.robots.items()) if robot.poses.file]
     origins = {offered.origin for offered in plugins.offered.values()}
     return RunProvenance(
         version=__version__,
         config_text=config_text(config),
         decision_table_text=table.source,
-        inputs=[InputFile(str(path), *_digest(path)) for path in paths],
+        inputs=[InputFile(str(path), *_digest(path)) for path in (*paths, *pose_files)],
         started_at=clock or datetime.now(UTC),
         host=platform.node(),
         plugins={origin.plugin: f"{origin.distribution} {origin.version}" for origin in origins},
