@@ -39,7 +39,7 @@ def generate(seed: int, folder: Path) -> tuple[Mission, list[Path]]:
 
 def expect(mission: Mission, paths: Sequence[Path], folder: Path) -> Outcome:
     """Run the main job on the recording and write what came of it to ``expected.json`` in ``folder``."""
-    from mapgraft.run import run
+    from mapgraft.job import run
 
     outcome = outcome_of(run(paths, folder / "config.yaml").events, mission.T_world_map)
     write_outcome(folder / "expected.json", outcome)

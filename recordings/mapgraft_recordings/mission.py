@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
-from mapgraft.config import read_mapping
-from mapgraft.errors import ConfigError
+from mapgraft.config import Section, read_mapping
 from mapgraft_recordings.simulator.driving import Limits, Waypoint, dense_line
 from mapgraft_recordings.simulator.lidar import Lidar, Mount
 from mapgraft_recordings.simulator.simulation import Pose, Robot
-from mapgraft_recordings.simulator.world import FloorPlan, Sketch, World, build_world
+from mapgraft_recordings.simulator.world import FloorPlan, World, build_world, checked
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -26,7 +25,7 @@ _START_YAW_VARIES_RAD = math.radians(25.0)
 _MAP_ORIGIN_VARIES_M = 5.0
 
 
-class MountPlan(Sketch):
+class MountPlan(Section):
     x_m: float = 0.0
     y_m: float = 0.0
     z_m: float = 0.2
@@ -34,7 +33,7 @@ class MountPlan(Sketch):
     upside_down: bool = False
 
 
-class LidarPlan(Sketch):
+class LidarPlan(Section):
     beams: Annotated[int, Field(ge=2)]
     field_of_view_deg: Annotated[float, Field(gt=0, le=360)]
     range_m: tuple[Positive, Positive]
@@ -45,13 +44,13 @@ class LidarPlan(Sketch):
     mount: MountPlan = MountPlan()
 
 
-class RobotPlan(Sketch):
+class RobotPlan(Section):
     lidar: LidarPlan
     speed_m_s: Positive
     route: Annotated[list[tuple[float, float] | tuple[float, float, float]], Field(min_length=2)]
 
 
-class MissionPlan(Sketch):
+class MissionPlan(Section):
     """A whole mission file."""
 
     duration_s: Positive
@@ -75,11 +74,7 @@ class Mission:
 
 def load_mission_plan(path: Path) -> MissionPlan:
     """Read a mission file; raises ConfigError with all its faults."""
-    try:
-        return MissionPlan.model_validate(read_mapping(path))
-    except ValidationError as error:
-        faults = [f"  {'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors()]
-        raise ConfigError(f"{path} is not a mission:\n" + "\n".join(faults)) from None
+    return checked(MissionPlan, read_mapping(path), str(path))
 
 
 def build_mission(floor: FloorPlan, plan: MissionPlan, seed: int) -> Mission:

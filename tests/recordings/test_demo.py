@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_typestore
 
 from mapgraft.config import load_config
-from mapgraft.contracts import Transform
+from mapgraft.contracts import ConfigError, Transform
 from mapgraft_recordings import demo_files
 from mapgraft_recordings.generate import DEMO, generate, main
 from mapgraft_recordings.mission import Mission, build_mission, load_mission_plan
@@ -159,3 +159,12 @@ def test_the_script_says_what_it_wrote(tmp_path: Path, capsys: pytest.CaptureFix
         "charlie.mcap",
         "config.yaml",
     ]
+
+
+def test_a_bad_mission_file_says_all_that_is_wrong(tmp_path: Path) -> None:
+    bad = tmp_path / "mission.yaml"
+    bad.write_text("duration_s: -1\nrobots: {alpha: {lidar: {beams: 1}, speed_m_s: 1, route: [[0, 0]], colour: red}}\n")
+    with pytest.raises(ConfigError) as caught:
+        load_mission_plan(bad)
+    for place in ("duration_s", "lidar.beams", "lidar.range_m", "robots.alpha.route", "robots.alpha.colour"):
+        assert place in str(caught.value)

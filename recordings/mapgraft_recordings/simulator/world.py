@@ -27,13 +27,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
-from mapgraft.config import read_mapping
+from mapgraft.config import Section, path_of, read_mapping, text_of
 from mapgraft.errors import ConfigError
 from mapgraft_recordings.simulator.raycast import Segments
 
@@ -41,24 +41,19 @@ Point = tuple[Annotated[float, Field(allow_inf_nan=False)], Annotated[float, Fie
 Placement = tuple[float, float, float]
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Polygon = NDArray[np.float64]  # (k, 2) corners in metres, closed by the edge from the last to the first
+Plan = TypeVar("Plan", bound=Section)
 
 _TRIES = 100
 
 
-class Sketch(BaseModel):
-    """A piece of a floor plan file in which an unknown key is a fault."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Door(Sketch):
+class Door(Section):
     """An open doorway, ``at_m`` along the wall's line to its middle."""
 
     at_m: Annotated[float, Field(ge=0, allow_inf_nan=False)]
     width_m: Length = 1.0
 
 
-class Wall(Sketch):
+class Wall(Section):
     """A wall along a polyline, as thick as it says, with its doorways left open."""
 
     line: Annotated[list[Point], Field(min_length=2)]
@@ -66,7 +61,7 @@ class Wall(Sketch):
     thickness_m: Length = 0.12
 
 
-class Furniture(Sketch):
+class Furniture(Section):
     """A thing that a lidar sees: a polygon, or a box with its corner at x, y, turned about that corner."""
 
     name: str
@@ -81,7 +76,7 @@ class Furniture(Sketch):
         return self
 
 
-class Clutter(Sketch):
+class Clutter(Section):
     """Small boxes somewhere inside ``within`` (x_min, y_min, x_max, y_max), new for every seed."""
 
     name: str
@@ -90,12 +85,12 @@ class Clutter(Sketch):
     count: Annotated[int, Field(ge=1)] = 1
 
 
-class PlacedPart(Sketch):
+class PlacedPart(Section):
     part: str
     at: Placement = (0.0, 0.0, 0.0)
 
 
-class Part(Sketch):
+class Part(Section):
     """A piece of floor in its own frame, made of walls, furniture, clutter and other parts."""
 
     walls: list[Wall] = Field(default_factory=list)
@@ -104,7 +99,7 @@ class Part(Sketch):
     parts: list[PlacedPart] = Field(default_factory=list)
 
 
-class FloorPlan(Sketch):
+class FloorPlan(Section):
     """A whole floor plan file."""
 
     name: str
@@ -128,11 +123,16 @@ def load_plan(path: Path) -> FloorPlan:
 
 def parse_plan(given: Mapping[str, Any], origin: str = "the floor plan") -> FloorPlan:
     """Check a floor plan; raises ConfigError with all its faults, each with its path."""
+    return checked(FloorPlan, given, origin)
+
+
+def checked(kind: type[Plan], given: Mapping[str, Any], origin: str) -> Plan:
+    """A mapping as a plan of the given kind; raises ConfigError with all its faults, each with its path."""
     try:
-        return FloorPlan.model_validate(given)
+        return kind.model_validate(given)
     except ValidationError as error:
-        faults = [f"  {'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors()]
-        raise ConfigError(f"{origin} is not a floor plan:\n" + "\n".join(faults)) from None
+        faults = [f"  {path_of(fault['loc'])}: {text_of(fault)}" for fault in error.errors()]
+        raise ConfigError(f"{origin} has {len(faults)} fault(s):\n" + "\n".join(faults)) from None
 
 
 def build_world(plan: FloorPlan, seed: int, keep_clear: NDArray[np.float64] | None = None) -> World:
