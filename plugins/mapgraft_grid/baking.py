@@ -11,7 +11,7 @@ from mapgraft_grid.layer import GridLayer
 from mapgraft_grid.region import GridRegion
 from mapgraft_grid.tiles import BitRows, Slots
 
-_ABSORBED_LIMIT = 1 << 30  # of one cell, 1024 per nat, so that no sum leaves int32
+_ABSORBED_LIMIT = 1 << 29  # of one cell, 1024 per nat, so that no sum leaves int32
 
 
 def touched(layer: GridLayer) -> GridRegion:
@@ -73,8 +73,5 @@ def _absorbed_cells(layer: GridLayer, region: GridRegion) -> int:
 
 
 def _touched_rows(layer: GridLayer, slots: Slots) -> BitRows:
-    pool = layer.pool
-    rows: BitRows = erasing.touched_rows(
-        slots, pool.hits, pool.misses, pool.wide.of, pool.wide.tiles, pool.absorbed.of, pool.absorbed.tiles
-    )
+    rows: BitRows = erasing.touched_rows(slots, *layer.pool.arrays())
     return rows

@@ -48,10 +48,7 @@ def own_evidence(layer: GridLayer, slots: Slots) -> NDArray[np.int32]:
     """What a layer says by itself, in its own sensor model: log-odds (k, 64, 64) of tiles, zero where a slot is -1."""
     pool, model = layer.pool, layer.sensor_model
     out = np.empty((slots.size, TILE, TILE), np.int32)
-    wide, absorbed = pool.wide, pool.absorbed
-    viewing.evidence(
-        slots, pool.hits, pool.misses, wide.of, wide.tiles, absorbed.of, absorbed.tiles, model.l_hit, model.l_miss, out
-    )
+    viewing.evidence(slots, *pool.arrays(), (model.l_hit, model.l_miss), out)
     return out
 
 

@@ -16,7 +16,7 @@ from mapgraft_grid.layer import FROM_SCANS, READY_MADE, GridLayer
 from mapgraft_grid.parameters import CELL_LIMIT, Lattice, SensorModel, Thresholds, in_fixed_point, log_odds
 from mapgraft_grid.placing import place
 from mapgraft_grid.region import GridRegion
-from mapgraft_grid.tiles import TilePool
+from mapgraft_grid.tiles import Cell, TilePool
 
 _NO_BEAM_POSES: Final = np.zeros((0, 3))
 _MOST_LOOKS: Final = 1 << 31  # per layer, so that no count leaves uint32
@@ -32,11 +32,12 @@ def add_scan(layer: GridLayer, observation: Observation, scan: Scan, reach_m: tu
     lattice, traces = layer.lattice, layer.traces
     beams = np.empty((scan.ranges_m.size, 4))
     kinds = np.empty(scan.ranges_m.size, np.uint8)
+    directions = _plain(scan.directions)
     status, keys, free, hit = rays.cast(
-        scan.directions,
-        scan.ranges_m,
-        scan.hits,
-        _NO_BEAM_POSES if scan.T_sensor_beam is None else scan.T_sensor_beam,
+        directions,
+        _plain(scan.ranges_m),
+        _plain(scan.hits),
+        _NO_BEAM_POSES if scan.T_sensor_beam is None else _plain(scan.T_sensor_beam),
         observation.T_map_sensor.matrix,
         (lattice.resolution_m, lattice.anchor_m[0], lattice.anchor_m[1]),
         reach_m,
@@ -48,7 +49,7 @@ def add_scan(layer: GridLayer, observation: Observation, scan: Scan, reach_m: tu
     traces.add_pose(observation.T_map_base, layer.observations, lattice)
     layer.pool.count(keys, free, hit)
     if traces.limits.rays_per_tile:
-        traces.insert_rays(*sketch.pick(scan.directions, beams, kinds, traces.limits.beam_step_rad))
+        traces.insert_rays(*sketch.pick(directions, beams, kinds, traces.limits.beam_step_rad))
     _note(layer, FROM_SCANS, observation)
     return GridRegion(lattice, keys, free | hit)
 
@@ -136,6 +137,11 @@ def _tiled(message: GridMessage, table: CountTable, origin_cell: tuple[int, int]
         key = tile_key(ix // TILE + number % across, iy // TILE + number // across)
         pool.set_counts(np.array([key], np.int64), counts[None, ..., 0], counts[None, ..., 1])
     return pool
+
+
+def _plain(array: NDArray[Cell]) -> NDArray[Cell]:
+    """The array itself, or a writable contiguous copy: a kernel is compiled anew for every other kind of array."""
+    return array if array.flags.c_contiguous and array.flags.writeable else array.copy()
 
 
 def _require_valid(message: GridMessage, observation: Observation) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -40,20 +40,23 @@ class TileTree(Mapping[int, Tile]):
     def __len__(self) -> int:
         return sum(map(len, self._blocks.values()))
 
-    def changed(self, changes: Mapping[int, Tile | None]) -> TileTree:
-        """The tree with some tiles replaced, or taken out where the new one is None."""
+    def changed(self, changes: Iterable[tuple[int, Tile | None]]) -> tuple[TileTree, int]:
+        """The tree with some tiles replaced, or taken out where it is None, and how many more cells it knows."""
         blocks = dict(self._blocks)
-        fresh: set[int] = set()
-        for key, tile in changes.items():
+        fresh: dict[int, dict[int, Tile]] = {}
+        grown = 0
+        for key, tile in changes:
             name = key & _BLOCK
-            if name not in fresh:
-                blocks[name] = dict(blocks.get(name, {}))
-                fresh.add(name)
-            if tile is None:
-                blocks[name].pop(key, None)
-            else:
-                blocks[name][key] = tile
-        for name in fresh:
-            if not blocks[name]:
+            block = fresh.get(name)
+            if block is None:
+                block = fresh[name] = blocks[name] = dict(blocks.get(name, {}))
+            before = block.pop(key, None)
+            if before is not None:
+                grown -= before.known
+            if tile is not None:
+                grown += tile.known
+                block[key] = tile
+        for name, block in fresh.items():
+            if not block:
                 del blocks[name]
-        return TileTree(blocks)
+        return TileTree(blocks), grown

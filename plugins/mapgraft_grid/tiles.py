@@ -14,6 +14,9 @@ TileKeys = NDArray[np.int64]  # (k,) see kernels.tile_keys
 BitRows = NDArray[np.uint64]  # (k, 64) one word per row of a tile, lowest bit = lowest x
 Slots = NDArray[np.int32]  # (k,) places in a pool, -1 where there is none
 
+PoolArrays = tuple[
+    NDArray[np.uint16], NDArray[np.uint16], NDArray[np.int32], NDArray[np.uint32], NDArray[np.int32], NDArray[np.int32]
+]
 Cell = TypeVar("Cell", bound=np.generic)
 
 _FIRST_CAPACITY: Final = 16
@@ -87,7 +90,7 @@ class SparsePool(Generic[Cell]):
         """The tile of that slot, allocated when it is new."""
         if self.of[slot] < 0:
             if self._used == self.tiles.shape[0]:
-                self.tiles = _enlarged(self.tiles, max(4, 2 * self._used))
+                self.tiles = enlarged(self.tiles, max(4, 2 * self._used))
             self.of[slot] = self._used
             self._used += 1
         return int(self.of[slot])
@@ -117,14 +120,18 @@ class TilePool:
         self.wide: SparsePool[np.uint32] = SparsePool((2, TILE, TILE), np.uint32)
         self.absorbed: SparsePool[np.int32] = SparsePool((TILE, TILE), np.int32)
 
+    def arrays(self) -> PoolArrays:
+        """What kernels take: hits, misses, wide of and tiles, absorbed of and tiles."""
+        return self.hits, self.misses, self.wide.of, self.wide.tiles, self.absorbed.of, self.absorbed.tiles
+
     def claim(self, keys: TileKeys) -> Slots:
         """The slots of the tiles, allocated where they are new."""
         slots = self.index.claim(keys)
         capacity = self.index.capacity
         if capacity > self._looks.size:
-            self.hits = _enlarged(self.hits, capacity)
-            self.misses = _enlarged(self.misses, capacity)
-            self._looks = _enlarged(self._looks, capacity)
+            self.hits = enlarged(self.hits, capacity)
+            self.misses = enlarged(self.misses, capacity)
+            self._looks = enlarged(self._looks, capacity)
             self.wide.follow(capacity)
             self.absorbed.follow(capacity)
         return slots
@@ -171,7 +178,8 @@ class TilePool:
         self._looks[slot] = most
 
 
-def _enlarged(array: NDArray[Cell], length: int) -> NDArray[Cell]:
+def enlarged(array: NDArray[Cell], length: int) -> NDArray[Cell]:
+    """The array with ``length`` first entries, zero where they are new."""
     out = np.zeros((length, *array.shape[1:]), array.dtype)
     out[: array.shape[0]] = array
     return out

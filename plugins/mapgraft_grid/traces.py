@@ -12,7 +12,7 @@ from mapgraft.contracts import Points, Rays, Transform
 from mapgraft_grid.kernels import sketch
 from mapgraft_grid.kernels.tile_keys import TILE, tile_key, tile_x, tile_y
 from mapgraft_grid.parameters import Lattice, TraceLimits
-from mapgraft_grid.tiles import TileIndex, TileKeys
+from mapgraft_grid.tiles import TileIndex, TileKeys, enlarged
 
 YAW_STEPS_PER_RAD: Final = 1 << 20
 _SIDE: Final = TILE * sketch.STEPS_PER_CELL  # of a tile, in steps
@@ -37,7 +37,7 @@ class Traces:
     hash, so that memory grows with the explored area and not with time.
     """
 
-    __slots__ = ("_index", "_kept", "_poses", "_ranks", "_rays", "last", "limits")
+    __slots__ = ("_highest", "_index", "_kept", "_poses", "_ranks", "_rays", "last", "limits")
 
     def __init__(self, limits: TraceLimits) -> None:
         self.limits = limits
@@ -45,6 +45,7 @@ class Traces:
         self._index = TileIndex()
         self._poses: dict[int, list[Pose]] = {}
         self._kept = np.zeros(0, np.int32)
+        self._highest = np.zeros(0, np.uint64)
         self._ranks = np.zeros((0, limits.rays_per_tile), np.uint64)
         self._rays = np.zeros((0, limits.rays_per_tile, 5), np.int32)
 
@@ -75,7 +76,7 @@ class Traces:
         slots = self._index.claim(keys)
         if self._index.capacity > self._kept.size:
             self._grow(self._index.capacity)
-        sketch.keep(keys, slots, rays, self._kept, self._ranks, self._rays)
+        sketch.keep(keys, slots, rays, self._kept, self._highest, self._ranks, self._rays)
 
     @property
     def has_rays(self) -> bool:
@@ -106,11 +107,10 @@ class Traces:
         return Rays(origins, ends, rows[:, sketch.HIT] > 0)
 
     def _grow(self, capacity: int) -> None:
-        for name in ("_kept", "_ranks", "_rays"):
-            old = getattr(self, name)
-            new = np.zeros((capacity, *old.shape[1:]), old.dtype)
-            new[: old.shape[0]] = old
-            setattr(self, name, new)
+        self._kept = enlarged(self._kept, capacity)
+        self._highest = enlarged(self._highest, capacity)
+        self._ranks = enlarged(self._ranks, capacity)
+        self._rays = enlarged(self._rays, capacity)
 
 
 _NO_RAYS: Final = np.empty((0, 5), np.int32)

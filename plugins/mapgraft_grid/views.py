@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 
-from mapgraft_grid.foreign import ForeignEvidence, own_evidence
+from mapgraft_grid.foreign import ForeignEvidence
 from mapgraft_grid.grid_map import GridMap
 from mapgraft_grid.kernels import viewing
 from mapgraft_grid.kernels.tile_keys import TILE
@@ -15,7 +16,7 @@ from mapgraft_grid.parameters import Thresholds
 from mapgraft_grid.tile_tree import Tile, TileTree
 from mapgraft_grid.tiles import TileKeys
 
-_AT_ONCE: Final = 256  # tiles per call, so that the intermediate evidence stays in the cache
+_AT_ONCE: Final = 256  # tiles per call: 2 MB, a second-level cache
 
 
 def fresh(layer: GridLayer, foreign: ForeignEvidence, thresholds: Thresholds) -> GridMap:
@@ -26,32 +27,33 @@ def fresh(layer: GridLayer, foreign: ForeignEvidence, thresholds: Thresholds) ->
 
 def updated(previous: GridMap, layer: GridLayer, foreign: ForeignEvidence, keys: TileKeys) -> GridMap:
     """The map with these tiles computed anew and all others as they were."""
-    known = previous.known()
-    changes: dict[int, Tile | None] = {}
+    tiles, grown = previous.tiles.changed(_computed(previous.thresholds, layer, foreign, keys))
+    return GridMap(layer.lattice, previous.thresholds, tiles, previous.known() + grown)
+
+
+def _computed(
+    read: Thresholds, layer: GridLayer, foreign: ForeignEvidence, keys: TileKeys
+) -> Iterator[tuple[int, Tile | None]]:
+    """The tiles as they are now, None for those without evidence."""
+    pool, model = layer.pool, layer.sensor_model
     for first in range(0, keys.size, _AT_ONCE):
-        known += _recompute(previous, layer, foreign, keys[first : first + _AT_ONCE], changes)
-    return GridMap(layer.lattice, previous.thresholds, previous.tiles.changed(changes), known)
-
-
-def _recompute(
-    previous: GridMap, layer: GridLayer, foreign: ForeignEvidence, keys: TileKeys, changes: dict[int, Tile | None]
-) -> int:
-    """Put the new tiles into ``changes``; returns by how many the known cells grow."""
-    evidence = own_evidence(layer, layer.pool.index.find(keys))
-    values = np.empty((keys.size, TILE, TILE), np.int16)
-    counts = np.empty(keys.size, np.int32)
-    read = previous.thresholds
-    viewing.read(
-        evidence, foreign.index.find(keys), foreign.tiles, read.clamp, read.free, read.occupied, values, counts
-    )
-    grown = 0
-    for number, (key, count) in enumerate(zip(keys.tolist(), counts.tolist(), strict=True)):
-        before = previous.tiles.get(key)
-        grown += max(count, 0) - (before.known if before else 0)
-        if count < 0:
-            changes[key] = None
-        else:
-            cells = values[number].copy()
-            cells.setflags(write=False)
-            changes[key] = Tile(cells, count)
-    return grown
+        part = keys[first : first + _AT_ONCE]
+        values = np.empty((part.size, TILE, TILE), np.int16)
+        counts = np.empty(part.size, np.int32)
+        viewing.fuse(
+            pool.index.find(part),
+            *pool.arrays(),
+            (model.l_hit, model.l_miss),
+            foreign.index.find(part),
+            foreign.tiles,
+            (read.clamp, read.free, read.occupied),
+            values,
+            counts,
+        )
+        for key, count, value in zip(part.tolist(), counts.tolist(), values, strict=True):
+            if count < 0:
+                yield key, None
+            else:
+                cells = value.copy()  # by itself, so that a tile keeps no other alive
+                cells.setflags(write=False)
+                yield key, Tile(cells, count)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from mapgraft_grid.kernels.tile_keys import TILE, tile_key
 
-CELL_LIMIT = float(1 << 30)  # cells beyond ± this are refused
+CELL_LIMIT = float((1 << 30) - 1)  # cells beyond ± this are refused
 TILES_WIDE = 1 << 15  # a scan may not spread over more tiles than this in x or y
+_ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
 _BAND_WORDS = 1 << 18  # the bits of one pass: 2 MB, about a second-level cache
 
 OK = 0
@@ -24,6 +25,12 @@ TOO_WIDE = 2
 NO_BEAM = 0
 FREE_END = 1
 HIT_END = 2
+
+
+@njit(cache=True)
+def _snapped(cells: float) -> float:
+    """The nearest multiple of 2⁻²⁰ cell, so that taking whole tiles away rounds nothing, at any distance."""
+    return float(np.floor(cells * (1 << 20) + 0.5)) / (1 << 20)
 
 
 @njit(cache=True)
@@ -41,6 +48,7 @@ def _project(
     """Fill ``beams`` (n, 4) with x0, y0, x1, y1 in cells and ``kinds`` (n,); False when a beam is out of reach."""
     resolution, anchor_x, anchor_y = lattice
     max_range, free_range = reach
+    here_x, here_y = (T[0, 3] - anchor_x) / resolution, (T[1, 3] - anchor_y) / resolution
     for i in range(ranges_m.size):
         kinds[i] = NO_BEAM
         length = float(ranges_m[i])
@@ -50,19 +58,20 @@ def _project(
         if not hits[i] or length > max_range:
             kind = FREE_END
             length = min(length, free_range)
-        sx, sy = 0.0, 0.0
         ex, ey = directions[i, 0] * length, directions[i, 1] * length
+        x0, y0 = here_x, here_y
         if beam_poses.shape[0] > 0:
             c, s = np.cos(beam_poses[i, 2]), np.sin(beam_poses[i, 2])
             sx, sy = beam_poses[i, 0], beam_poses[i, 1]
             ex, ey = c * ex - s * ey + sx, s * ex + c * ey + sy
-        beams[i, 0] = (T[0, 0] * sx + T[0, 1] * sy + T[0, 3] - anchor_x) / resolution
-        beams[i, 1] = (T[1, 0] * sx + T[1, 1] * sy + T[1, 3] - anchor_y) / resolution
-        beams[i, 2] = (T[0, 0] * ex + T[0, 1] * ey + T[0, 3] - anchor_x) / resolution
-        beams[i, 3] = (T[1, 0] * ex + T[1, 1] * ey + T[1, 3] - anchor_y) / resolution
-        for j in range(4):
-            if not abs(beams[i, j]) < CELL_LIMIT:
-                return False
+            x0 += (T[0, 0] * sx + T[0, 1] * sy) / resolution
+            y0 += (T[1, 0] * sx + T[1, 1] * sy) / resolution
+        x1 = here_x + (T[0, 0] * ex + T[0, 1] * ey) / resolution
+        y1 = here_y + (T[1, 0] * ex + T[1, 1] * ey) / resolution
+        farthest = max(abs(x0), abs(y0), abs(x1), abs(y1))
+        if not farthest < CELL_LIMIT or np.isnan(x0 + y0 + x1 + y1):
+            return False
+        beams[i, 0], beams[i, 1], beams[i, 2], beams[i, 3] = _snapped(x0), _snapped(y0), _snapped(x1), _snapped(y1)
         kinds[i] = kind
     return True
 
@@ -85,19 +94,20 @@ def _tile_box(beams: NDArray[np.float64], kinds: NDArray[np.uint8]) -> tuple[int
 
 
 @njit(cache=True, inline="always")
-def _set_run(words: NDArray[np.uint64], at: int, first: int, last: int) -> None:
+def _set_run(words: NDArray[np.uint64], at: np.uint64, first: np.uint64, last: np.uint64) -> None:
     """Set the cells first … last of one row; ``at`` is the word of the row in the band's first tile column."""
-    word = first >> 6
-    end = last >> 6
-    low = np.uint64(0xFFFFFFFFFFFFFFFF) << np.uint64(first & 63)
-    high = np.uint64(0xFFFFFFFFFFFFFFFF) >> np.uint64(63 - (last & 63))
+    word, end = first >> np.uint64(6), last >> np.uint64(6)
+    low = _ALL << (first & np.uint64(63))
+    high = _ALL >> (np.uint64(63) - (last & np.uint64(63)))
     if word == end:
-        words[at + (word << 6)] |= low & high
-        return
-    words[at + (word << 6)] |= low
-    for between in range(word + 1, end):
-        words[at + (between << 6)] = np.uint64(0xFFFFFFFFFFFFFFFF)
-    words[at + (end << 6)] |= high
+        words[at + (word << np.uint64(6))] |= low & high
+    else:
+        words[at + (word << np.uint64(6))] |= low
+        word += np.uint64(1)
+        while word < end:
+            words[at + (word << np.uint64(6))] = _ALL
+            word += np.uint64(1)
+        words[at + (end << np.uint64(6))] |= high
 
 
 @njit(cache=True)
@@ -108,24 +118,31 @@ def _draw(
     if y1 < y0:
         x0, y0, x1, y1 = x1, y1, x0, y0
     row0, row1 = int(y0), int(y1)
-    start, stop = max(row0, first_row), min(row1, end_row - 1)
-    if start > stop:
+    if row0 >= end_row or row1 < first_row:
         return
-    cell0, cell1 = int(x0), int(x1)
-    least, most = min(cell0, cell1), max(cell0, cell1)
+    start, stop = max(row0, first_row), min(row1, end_row)  # in start … stop - 1 the beam leaves by the upper edge
     slope = (x1 - x0) / (y1 - y0) if row1 > row0 else 0.0
-    enter = cell0
+    right = x1 >= x0
+    enter, last = int(x0), int(x1)
     if start > row0:
-        enter = min(max(int(x0 + (start - y0) * slope), least), most)
+        enter = int(x0 + (start - y0) * slope)
+        enter = min(enter, last) if right else max(enter, last)
     stride = width << 6
-    for row in range(start, min(stop + 1, row1)):
-        leave = min(max(int(x0 + (row + 1 - y0) * slope), least), most)
-        at = ((row - first_row) >> 6) * stride + (row & 63)
-        _set_run(words, at, min(enter, leave), max(enter, leave))
-        enter = leave
-    if stop == row1:
+    if right:
+        for row in range(start, stop):
+            leave = min(int(x0 + (row + 1 - y0) * slope), last)
+            at = ((row - first_row) >> 6) * stride + (row & 63)
+            _set_run(words, np.uint64(at), np.uint64(enter), np.uint64(leave))
+            enter = leave
+    else:
+        for row in range(start, stop):
+            leave = max(int(x0 + (row + 1 - y0) * slope), last)
+            at = ((row - first_row) >> 6) * stride + (row & 63)
+            _set_run(words, np.uint64(at), np.uint64(leave), np.uint64(enter))
+            enter = leave
+    if row1 < end_row:
         at = ((row1 - first_row) >> 6) * stride + (row1 & 63)
-        _set_run(words, at, min(enter, cell1), max(enter, cell1))
+        _set_run(words, np.uint64(at), np.uint64(min(enter, last)), np.uint64(max(enter, last)))
 
 
 @njit(cache=True)

@@ -74,13 +74,14 @@ def keep(
     slots: NDArray[np.int32],
     rays: NDArray[np.int32],
     kept: NDArray[np.int32],
+    highest: NDArray[np.uint64],
     ranks: NDArray[np.uint64],
     pool: NDArray[np.int32],
 ) -> None:
     """Offer rays (k, 5) that end in tiles ``keys`` (k,) to the sketches.
 
-    ``kept`` (n,) rays per tile, ``ranks`` (n, limit), ``pool`` (n, limit, 5). A ray that is there already is not kept
-    twice.
+    ``kept`` (n,) rays per tile, ``highest`` (n,) the highest rank of full tiles, ``ranks`` (n, limit), ``pool``
+    (n, limit, 5). A ray that is there already is not kept twice.
     """
     limit = ranks.shape[1]
     if limit == 0:
@@ -90,20 +91,19 @@ def keep(
         for j in range(5):
             rank = _mixed(rank, rays[i, j])
         size = kept[slot]
-        highest, twin = 0, False
+        if size == limit and rank >= highest[slot]:
+            continue
+        place, twin = size, False
         for j in range(size):
             if ranks[slot, j] == rank:
                 twin = True
-                break
-            if ranks[slot, j] > ranks[slot, highest]:
-                highest = j
+            if size == limit and ranks[slot, j] == highest[slot]:
+                place = j
         if twin:
             continue
-        if size < limit:
-            kept[slot] = size + 1
-            highest = size
-        elif ranks[slot, highest] < rank:
-            continue
-        ranks[slot, highest] = rank
+        kept[slot] = min(size + 1, limit)
+        ranks[slot, place] = rank
         for j in range(5):
-            pool[slot, highest, j] = rays[i, j]
+            pool[slot, place, j] = rays[i, j]
+        if kept[slot] == limit:
+            highest[slot] = ranks[slot].max()

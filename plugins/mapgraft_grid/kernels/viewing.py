@@ -8,16 +8,52 @@ from numpy.typing import NDArray
 
 from mapgraft_grid.kernels.tile_keys import TILE, tile_x, tile_y
 
-EVIDENCE_LIMIT = 1 << 25  # of one source in one cell, 1024 per nat: 32 768 nats, so that 60 sources fit int32
+CELLS = TILE * TILE
+EVIDENCE_LIMIT = 1 << 24  # of one source in one cell, 1024 per nat: 16 384 nats, so that 60 sources fit int32
 
 
 @njit(cache=True)
-def _clipped(value: np.int64, limit: int) -> np.int64:
-    if value > limit:
-        return np.int64(limit)
-    if value < -limit:
-        return np.int64(-limit)
-    return value
+def _counted(
+    hits: NDArray[np.uint16], misses: NDArray[np.uint16], l_hit: np.int32, l_miss: np.int32, out: NDArray[np.int32]
+) -> None:
+    """The evidence of one tile (4096,) whose counts are narrow; nothing here leaves int32."""
+    limit = np.int32(EVIDENCE_LIMIT)
+    for cell in range(CELLS):
+        value = np.int32(np.int32(hits[cell]) * l_hit + np.int32(misses[cell]) * l_miss)
+        out[cell] = min(max(value, -limit), limit)
+
+
+@njit(cache=True)
+def _counted_wide(wide: NDArray[np.uint32], l_hit: int, l_miss: int, out: NDArray[np.int32]) -> None:
+    """Add the evidence of wide counts (2, 4096) to a tile (4096,)."""
+    for cell in range(CELLS):
+        value = np.int64(out[cell]) + np.int64(wide[0, cell]) * l_hit + np.int64(wide[1, cell]) * l_miss
+        out[cell] = min(max(value, np.int64(-EVIDENCE_LIMIT)), np.int64(EVIDENCE_LIMIT))
+
+
+@njit(cache=True)
+def _tile(
+    slot: int,
+    hits: NDArray[np.uint16],
+    misses: NDArray[np.uint16],
+    wide_of: NDArray[np.int32],
+    wide: NDArray[np.uint32],
+    absorbed_of: NDArray[np.int32],
+    absorbed: NDArray[np.int32],
+    model: tuple[int, int],
+    out: NDArray[np.int32],
+) -> None:
+    """The log-odds of one tile into ``out`` (4096,); zero when the slot is -1."""
+    if slot < 0:
+        out[:] = 0
+        return
+    _counted(hits[slot].reshape(CELLS), misses[slot].reshape(CELLS), np.int32(model[0]), np.int32(model[1]), out)
+    if wide_of[slot] >= 0:
+        _counted_wide(wide[wide_of[slot]].reshape(2, CELLS), model[0], model[1], out)
+    if absorbed_of[slot] >= 0:
+        baked = absorbed[absorbed_of[slot]].reshape(CELLS)
+        for cell in range(CELLS):
+            out[cell] += baked[cell]
 
 
 @njit(cache=True)
@@ -29,61 +65,65 @@ def evidence(
     wide: NDArray[np.uint32],
     absorbed_of: NDArray[np.int32],
     absorbed: NDArray[np.int32],
-    l_hit: int,
-    l_miss: int,
+    model: tuple[int, int],
     out: NDArray[np.int32],
 ) -> None:
-    """The log-odds of tiles, 1024 per nat, into ``out`` (k, 64, 64); zero where the slot is -1."""
+    """The log-odds of tiles, 1024 per nat, into ``out`` (k, 64, 64); zero where the slot is -1.
+
+    ``hits`` and ``misses`` (n, 64, 64); ``wide_of`` and ``absorbed_of`` (n,) name the tile in ``wide`` (w, 2, 64, 64)
+    and ``absorbed`` (a, 64, 64), or -1; ``model`` is (l_hit, l_miss).
+    """
     for i in range(slots.size):
-        slot = slots[i]
-        if slot < 0:
-            out[i] = 0
-            continue
-        base = wide_of[slot]
-        extra = absorbed_of[slot]
-        for row in range(TILE):
-            for column in range(TILE):
-                h, m = np.int64(hits[slot, row, column]), np.int64(misses[slot, row, column])
-                if base >= 0:
-                    h += wide[base, 0, row, column]
-                    m += wide[base, 1, row, column]
-                value = _clipped(h * l_hit + m * l_miss, EVIDENCE_LIMIT)
-                if extra >= 0:
-                    value += absorbed[extra, row, column]
-                out[i, row, column] = value
+        _tile(slots[i], hits, misses, wide_of, wide, absorbed_of, absorbed, model, out[i].reshape(CELLS))
 
 
 @njit(cache=True)
-def read(
+def _read(
     own: NDArray[np.int32],
+    foreign: NDArray[np.int32],
+    clamp: np.int32,
+    free: np.int32,
+    occupied: np.int32,
+    out: NDArray[np.int16],
+) -> int:
+    """Add, clamp and count the known cells of one tile (4096,); -1 when there is no evidence at all."""
+    known, some = np.int32(0), np.int32(0)
+    for cell in range(CELLS):
+        value = np.int32(own[cell] + foreign[cell])
+        value = min(max(value, np.int32(-clamp)), clamp)
+        out[cell] = value
+        known += np.int32(value <= free) + np.int32(value >= occupied)
+        some |= value
+    return int(known) if some else -1
+
+
+@njit(cache=True)
+def fuse(
+    slots: NDArray[np.int32],
+    hits: NDArray[np.uint16],
+    misses: NDArray[np.uint16],
+    wide_of: NDArray[np.int32],
+    wide: NDArray[np.uint32],
+    absorbed_of: NDArray[np.int32],
+    absorbed: NDArray[np.int32],
+    model: tuple[int, int],
     foreign_slots: NDArray[np.int32],
     foreign: NDArray[np.int32],
-    clamp: int,
-    free: int,
-    occupied: int,
+    limits: tuple[int, int, int],
     out: NDArray[np.int16],
     known: NDArray[np.int32],
 ) -> None:
-    """Add what other sources say, clamp, and count the known cells of each tile.
+    """What a reader sees of tiles: own evidence plus that of others, clamped, into ``out`` (k, 64, 64).
 
-    ``own`` (k, 64, 64) log-odds; ``foreign`` (n, 64, 64) with its tile for each of the k, or -1; ``out`` (k, 64, 64);
-    ``known`` (k,), -1 for a tile
-    without any evidence.
+    Own tiles as in ``evidence``; ``foreign`` (f, 64, 64) with its tile for each of the k, or -1; ``limits`` is (clamp,
+    free, occupied). ``known`` (k,) counts the free and occupied cells, -1 for a tile without any evidence.
     """
-    for i in range(own.shape[0]):
-        slot = foreign_slots[i]
-        count = np.int64(0)
-        some = np.int64(0)
-        for row in range(TILE):
-            for column in range(TILE):
-                value = np.int64(own[i, row, column])
-                if slot >= 0:
-                    value += foreign[slot, row, column]
-                value = _clipped(value, clamp)
-                out[i, row, column] = value
-                count += (value <= free) | (value >= occupied)
-                some |= value
-        known[i] = count if some else -1
+    clamp, free, occupied = np.int32(limits[0]), np.int32(limits[1]), np.int32(limits[2])
+    own, nothing = np.empty(CELLS, np.int32), np.zeros(CELLS, np.int32)
+    for i in range(slots.size):
+        _tile(slots[i], hits, misses, wide_of, wide, absorbed_of, absorbed, model, own)
+        others = foreign[foreign_slots[i]].reshape(CELLS) if foreign_slots[i] >= 0 else nothing
+        known[i] = _read(own, others, clamp, free, occupied, out[i].reshape(CELLS))
 
 
 @njit(cache=True)
@@ -118,7 +158,8 @@ def weigh(
                 if weight == 0:
                     factor = np.int64((bits >> np.uint64(column)) & np.uint64(1))
                 value = np.int64(evidence[i, row, column]) * factor
-                evidence[i, row, column] = _clipped(value, EVIDENCE_LIMIT)
+                value = min(max(value, np.int64(-EVIDENCE_LIMIT)), np.int64(EVIDENCE_LIMIT))
+                evidence[i, row, column] = value
 
 
 @njit(cache=True)
