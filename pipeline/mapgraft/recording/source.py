@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple, Protocol, Self
+from typing import NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,6 +134,7 @@ class ReadFaults:
         return len(self._counts)
 
 
+@runtime_checkable
 class Source(Protocol):
     """One recording: a file, or the folder of a ROS 2 bag.
 

@@ -105,7 +105,7 @@ class McapSource:
                 found += scans
         if left or content.damage:
             for message in self._parse(replace(want, channels=left), place, content):
-                scan = decoded_scan(self, message)
+                scan = decoded_scan(self, message, self.faults)
                 if scan is not None:
                     found.append(scan)
         if len(want.channels) > 1:

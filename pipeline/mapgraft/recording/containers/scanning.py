@@ -3,32 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from typing import Protocol
 
 from mapgraft.errors import RecordingError
-from mapgraft.recording.source import SCAN_TYPES, RawMessage, ReadFaults, RecordedScan, ScanMessage, Source
+from mapgraft.recording.source import SCAN_TYPES, RawMessage, ReadFaults, RecordedScan, Source
 
 
-class ScanDecoder(Protocol):
-    """What of a source is needed to decode a scan."""
-
-    @property
-    def faults(self) -> ReadFaults: ...
-    def decode_scan(self, message: RawMessage) -> ScanMessage: ...
-
-
-def decoded_scan(source: ScanDecoder, message: RawMessage) -> RecordedScan | None:
+def decoded_scan(source: Source, message: RawMessage, faults: ReadFaults) -> RecordedScan | None:
     """The scan in a message; None, counted as a fault, when it cannot be decoded."""
     try:
         return RecordedScan(message.channel, message.log_ns, source.decode_scan(message))
     except RecordingError as error:
-        topic = message.channel.topic
-        source.faults.add("scan_undecodable", str(error), topic=topic, place=message.log_ns)
+        faults.add("scan_undecodable", str(error), topic=message.channel.topic, place=message.log_ns)
         return None
 
 
 def scans_of(
-    source: Source, topics: Collection[str] | None, start_ns: int | None, end_ns: int | None
+    source: Source, topics: Collection[str] | None, start_ns: int | None, end_ns: int | None, faults: ReadFaults
 ) -> Iterator[RecordedScan]:
     """``Source.scans`` for sources that have no faster way."""
     names = {
@@ -36,6 +26,10 @@ def scans_of(
         for channel in source.channels
         if channel.message_type in SCAN_TYPES and (topics is None or channel.topic in topics)
     }
+    if not names:
+        return
     for message in source.messages(names, start_ns, end_ns):
-        if message.channel.message_type in SCAN_TYPES and (scan := decoded_scan(source, message)) is not None:
-            yield scan
+        if message.channel.message_type in SCAN_TYPES:
+            scan = decoded_scan(source, message, faults)
+            if scan is not None:
+                yield scan

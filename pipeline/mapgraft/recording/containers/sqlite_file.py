@@ -131,7 +131,7 @@ class SqliteSource:
         self, topics: Collection[str] | None = None, start_ns: int | None = None, end_ns: int | None = None
     ) -> Iterator[RecordedScan]:
         """See ``Source.scans``."""
-        return scans_of(self, topics, start_ns, end_ns)
+        return scans_of(self, topics, start_ns, end_ns, self.faults)
 
     def decode(self, message: RawMessage) -> object:
         """See ``Source.decode``."""
