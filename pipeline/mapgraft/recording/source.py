@@ -43,6 +43,17 @@ class Channel:
     why_not: str = ""
 
 
+class SchemaText(NamedTuple):
+    """How a file describes a message type: ``encoding`` is ``ros2msg``, ``ros2idl``, ``ros1msg``, ``protobuf``, …
+
+    ``name`` is as the file spells it; ``data`` is empty where the file names the type and no more.
+    """
+
+    name: str
+    encoding: str
+    data: bytes
+
+
 class RawMessage(NamedTuple):
     """One recorded message, not yet decoded.
 
@@ -155,6 +166,10 @@ class Source(Protocol):
     def end_ns(self) -> int | None: ...
     @property
     def faults(self) -> ReadFaults: ...
+
+    def schema(self, channel: Channel) -> SchemaText | None:
+        """The definition of a channel's messages; None where the container has none (text formats)."""
+        ...
 
     def messages(
         self, topics: Collection[str] | None = None, start_ns: int | None = None, end_ns: int | None = None

@@ -16,9 +16,9 @@ from mapgraft.recording.containers.inflate import Content
 from mapgraft.recording.containers.mapping import map_file
 from mapgraft.recording.containers.scanning import scans_of
 from mapgraft.recording.containers.selection import Wanted, places_of, wanted
-from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, SchemaText, Undecodable, codec_for
+from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, Undecodable, codec_for
 from mapgraft.recording.decoding.names import message_type
-from mapgraft.recording.source import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage
+from mapgraft.recording.source import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText
 
 OLD_MAGIC = b"#ROSRECORD V"
 ANY_MAGIC = b"#ROSBAG V"
@@ -42,10 +42,12 @@ class BagSource:
         self.start_ns = min((place.start_ns for place in index.places), default=None)
         self.end_ns = max((place.end_ns for place in index.places), default=None)
         self._codecs: dict[int, Codec] = {}
+        self._schemas: dict[int, SchemaText] = {}
         self.channels = tuple(self._channel(found, index, typestore) for _, found in sorted(index.connections.items()))
 
     def _channel(self, found: Connection, index: BagIndex, typestore: str) -> Channel:
-        codec = codec_for("ros1", SchemaText(found.type_name, "ros1msg", found.definition), typestore)
+        schema = self._schemas[found.id] = SchemaText(found.type_name, "ros1msg", found.definition)
+        codec = codec_for("ros1", schema, typestore)
         if not isinstance(codec, Undecodable):
             self._codecs[found.id] = codec
         return Channel(
@@ -58,6 +60,10 @@ class BagSource:
             not isinstance(codec, Undecodable),
             codec.why_not if isinstance(codec, Undecodable) else "",
         )
+
+    def schema(self, channel: Channel) -> SchemaText | None:
+        """See ``Source.schema``."""
+        return self._schemas.get(channel.id)
 
     def messages(
         self, topics: Collection[str] | None = None, start_ns: int | None = None, end_ns: int | None = None

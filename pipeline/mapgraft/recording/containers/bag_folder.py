@@ -18,7 +18,7 @@ from mapgraft.recording.containers.scanning import scans_of
 from mapgraft.recording.containers.sqlite_file import SqliteSource
 from mapgraft.recording.containers.zstd_files import unpack_file, unpack_message
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE
-from mapgraft.recording.source import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, Source
+from mapgraft.recording.source import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText, Source
 
 
 class BagFolderSource:
@@ -66,6 +66,11 @@ class BagFolderSource:
         for faults in (self._own_faults, *(part.faults for part in self._parts)):
             together.extend(faults)
         return together
+
+    def schema(self, channel: Channel) -> SchemaText | None:
+        """See ``Source.schema``."""
+        part, found = self._first[channel.id]
+        return self._parts[part].schema(found)
 
     def messages(
         self, topics: Collection[str] | None = None, start_ns: int | None = None, end_ns: int | None = None

@@ -33,6 +33,7 @@ from mapgraft.recording.source import (
     ReadFaults,
     RecordedScan,
     ScanMessage,
+    SchemaText,
 )
 
 _BROKEN = (ValueError, IndexError, OverflowError)
@@ -143,6 +144,10 @@ class CarmenSource:
     def _note_unreadable(self, line: Line, error: Exception) -> None:
         sentence = f"line {line.number} of {self.path.name} cannot be read ({error})"
         self.faults.add("line_unreadable", sentence, place=line.number)
+
+    def schema(self, channel: Channel) -> SchemaText | None:
+        """See ``Source.schema``."""
+        return None
 
     def messages(
         self, topics: Collection[str] | None = None, start_ns: int | None = None, end_ns: int | None = None

@@ -23,9 +23,9 @@ from mapgraft.recording.containers.mcap_records import MAGIC, chunk_content
 from mapgraft.recording.containers.mcap_scans import chunk_scans, index_entries
 from mapgraft.recording.containers.scanning import decoded_scan
 from mapgraft.recording.containers.selection import Wanted, places_of, wanted
-from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, RosCodec, SchemaText, Undecodable, codec_for
+from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, RosCodec, Undecodable, codec_for
 from mapgraft.recording.decoding.names import message_type
-from mapgraft.recording.source import SCAN_TYPES, Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage
+from mapgraft.recording.source import SCAN_TYPES, Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText
 
 
 class McapSource:
@@ -47,11 +47,14 @@ class McapSource:
         self.start_ns, self.end_ns = index.start_ns, index.end_ns
         self._places = index.places
         self._codecs: dict[int, Codec] = {}
+        self._schemas: dict[int, SchemaText] = {}
         self.channels = tuple(self._channel(record, index, typestore) for _, record in sorted(index.channels.items()))
 
     def _channel(self, record: ChannelRecord, index: McapIndex, typestore: str) -> Channel:
         schema = index.schemas.get(record.schema_id)
         text = SchemaText(schema.name, schema.encoding, schema.data) if schema is not None else None
+        if text is not None:
+            self._schemas[record.id] = text
         codec = codec_for(record.message_encoding, text, typestore)
         if not isinstance(codec, Undecodable):
             self._codecs[record.id] = codec
@@ -65,6 +68,10 @@ class McapSource:
             not isinstance(codec, Undecodable),
             codec.why_not if isinstance(codec, Undecodable) else "",
         )
+
+    def schema(self, channel: Channel) -> SchemaText | None:
+        """See ``Source.schema``."""
+        return self._schemas.get(channel.id)
 
     def messages(
         self, topics: Collection[str] | None = None, start_ns: int | None = None, end_ns: int | None = None

@@ -12,9 +12,9 @@ from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.latching import keeps_last
 from mapgraft.recording.containers.scanning import scans_of
 from mapgraft.recording.containers.selection import Wanted, wanted
-from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, SchemaText, Undecodable, codec_for
+from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, Undecodable, codec_for
 from mapgraft.recording.decoding.names import message_type
-from mapgraft.recording.source import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage
+from mapgraft.recording.source import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText
 
 MAGIC = b"SQLite format 3\0"
 
@@ -44,6 +44,7 @@ class SqliteSource:
         self.faults = ReadFaults()
         self._database = _open(path, self.faults)
         self._codecs: dict[int, Codec] = {}
+        self._schemas: dict[int, SchemaText] = {}
         try:
             self._tables = {name for (name,) in self._database.execute(_TABLES)}
             if not {"topics", "messages"} <= self._tables:
@@ -85,6 +86,7 @@ class SqliteSource:
         return {number: count for number, count, _, _ in rows}
 
     def _channel(self, topic: _Topic, counts: dict[int, int] | None, typestore: str) -> Channel:
+        self._schemas[topic.id] = topic.schema
         codec = codec_for(topic.encoding, topic.schema, typestore)
         if not isinstance(codec, Undecodable):
             self._codecs[topic.id] = codec
@@ -98,6 +100,10 @@ class SqliteSource:
             not isinstance(codec, Undecodable),
             codec.why_not if isinstance(codec, Undecodable) else "",
         )
+
+    def schema(self, channel: Channel) -> SchemaText | None:
+        """See ``Source.schema``."""
+        return self._schemas.get(channel.id)
 
     def messages(
         self, topics: Collection[str] | None = None, start_ns: int | None = None, end_ns: int | None = None

@@ -14,7 +14,7 @@ from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.scanning import scans_of
 from mapgraft.recording.containers.text_lines import lines, seconds_to_ns
 from mapgraft.recording.decoding.records import PoseRecord
-from mapgraft.recording.source import TUM_POSE, Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage
+from mapgraft.recording.source import TUM_POSE, Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText
 
 TOPIC = "trajectory"
 
@@ -59,6 +59,10 @@ class TumSource:
                 self.faults.add("stamp_backward", sentence, topic=TOPIC, place=line.number)
             newest_ns = stamp_ns if newest_ns is None else max(newest_ns, stamp_ns)
             yield newest_ns, line.text
+
+    def schema(self, channel: Channel) -> SchemaText | None:
+        """See ``Source.schema``."""
+        return None
 
     def messages(
         self, topics: Collection[str] | None = None, start_ns: int | None = None, end_ns: int | None = None

@@ -19,7 +19,7 @@ from mapgraft.errors import MapgraftError, RecordingError, UsageError
 from mapgraft.recording.decoding.laser_layout import LaserScanReader
 from mapgraft.recording.decoding.names import message_type
 from mapgraft.recording.decoding.scan_fields import SCAN_READERS
-from mapgraft.recording.source import LASER_SCAN, ScanMessage
+from mapgraft.recording.source import LASER_SCAN, ScanMessage, SchemaText
 
 DEFAULT_TYPESTORE = "ros2_humble"
 Data = bytes | memoryview
@@ -40,14 +40,6 @@ _UNDECODABLE = (
 )
 _IDL_SEPARATOR = "=" * 80
 _HEADER = "std_msgs/msg/Header"
-
-
-class SchemaText(NamedTuple):
-    """How a file describes a message type: ``encoding`` is ``ros2msg``, ``ros2idl``, ``ros1msg``, ``protobuf``, …"""
-
-    name: str
-    encoding: str
-    data: bytes
 
 
 class Codec(Protocol):
