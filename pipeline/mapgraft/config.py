@@ -82,10 +82,13 @@ class RobotConfig(Section):
 
     ``source`` names the discovered robot this one is taken from (default: the one of the same name); with ``window``
     several robots can be cut from one recording, each with a map frame of its own that starts at its first pose.
+    ``files`` are paths, names or patterns of the files that hold it. ``options`` are for the format that reads a
+    ready-made map file: ``{unknown_gray: 205}``.
     """
 
     source: str | None = None
     files: list[str] = Field(default_factory=list)
+    options: dict[str, Any] = Field(default_factory=dict)
     scans: list[str] | None = None
     maps: list[str] | None = None
     poses: PosesConfig = PosesConfig()
@@ -207,14 +210,17 @@ def read_mapping(path: Path) -> dict[str, Any]:
 
 
 def _anchored(config: Config, folder: Path) -> Config:
-    robots = {
-        name: robot.model_copy(update={"poses": robot.poses.model_copy(update={"file": folder / robot.poses.file})})
-        if robot.poses.file
-        else robot
-        for name, robot in config.robots.items()
-    }
+    robots = {name: _anchored_robot(robot, folder) for name, robot in config.robots.items()}
     rules = folder / config.rules if isinstance(config.rules, Path) else config.rules
     return config.model_copy(update={"robots": robots, "rules": rules})
+
+
+def _anchored_robot(robot: RobotConfig, folder: Path) -> RobotConfig:
+    files = [str(folder / name) if (folder / name).exists() else name for name in robot.files]
+    poses = robot.poses
+    if poses.file is not None:
+        poses = poses.model_copy(update={"file": folder / poses.file})
+    return robot.model_copy(update={"files": files, "poses": poses})
 
 
 def path_of(location: tuple[int | str, ...]) -> str:

@@ -103,6 +103,10 @@ def angle_of(a: Pose7) -> float:
     return 2.0 * math.atan2(math.sqrt(a[3] * a[3] + a[4] * a[4] + a[5] * a[5]), abs(a[6]))
 
 
+def from_transform(T: Transform) -> Pose7:
+    return pose7((T.x_m, T.y_m, T.z_m), T.quaternion_xyzw())
+
+
 def to_transform(a: Pose7) -> Transform:
     x, y, z, i, j, k, w = a
     return Transform(

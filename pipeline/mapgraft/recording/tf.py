@@ -202,10 +202,11 @@ class TransformBuffer:
         chain = self.chain(target, source)
         return chain if isinstance(chain, Missing) else chain.at(stamp_ns, self.max_gap_ns)
 
-    def forget(self, before_ns: int) -> None:
-        """Let go of all samples that no stamp from ``before_ns`` on needs."""
+    def forget_older(self, kept_ns: int) -> None:
+        """Let go of what lies more than ``kept_ns`` before each edge's own newest sample."""
         for edge in self.edges():
-            edge.forget(before_ns)
+            if edge.stamps_ns:
+                edge.forget(edge.stamps_ns[-1] - kept_ns)
 
     def edges(self) -> Iterator[Edge]:
         """All edges, in the order in which they were first told."""

@@ -1,0 +1,133 @@
+"""Whose clock tells a robot's time, and which topics and transforms are stamped by another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Literal
+
+from mapgraft.contracts import GRID_MESSAGE
+from mapgraft.recording.choice import PosePlan
+from mapgraft.recording.frames import SeenEdge, Stamped
+from mapgraft.recording.glimpse import Glimpse, SeenPayload
+
+Clock = Literal["header", "log", "index"]
+"""What tells the time of a robot: the messages' own stamps, when they were recorded, or (neither) their order."""
+
+INDEX_STEP_NS = 1_000_000_000
+"""One scan counts as one second where only the order of the scans is known."""
+
+OTHER_CLOCK_NS = 10_000_000_000
+"""Stamps that lie further from another topic's, measured against the time of recording, are of another clock."""
+
+EdgeName = tuple[str, str]  # parent, child
+
+
+@dataclass(frozen=True, slots=True)
+class Times:
+    """How stamps become the robot's time.
+
+    ``offset_ns`` is how far the robot's clock lies after the time of recording. Topics in ``other_clock`` and edges in
+    ``edges_by_log`` are stamped by some other clock, and stamps on ``undated`` topics mean something else: the time of
+    recording plus that offset counts for them. ``file_by_log`` are edges of the pose file whose time of recording is
+    the robot's time as it is.
+    """
+
+    clock: Clock
+    offset_ns: int
+    other_clock: frozenset[str]
+    undated: frozenset[str]
+    edges_by_log: frozenset[EdgeName]
+    file_by_log: frozenset[EdgeName]
+
+    def stamp(self, topic: str, stamped: Stamped) -> int:
+        """The robot's time of a message on a topic, in nanoseconds."""
+        if self.clock == "log" or topic in self.by_log:
+            return stamped.log_ns + self.offset_ns
+        return stamped.stamp_ns
+
+    @property
+    def by_log(self) -> frozenset[str]:
+        """All topics for which the time of recording counts."""
+        return self.other_clock | self.undated
+
+    def remarks(self) -> list[str]:
+        """What a person should know about this clock."""
+        remarks = []
+        if self.clock == "log":
+            remarks.append("its messages have no usable stamps: the time of their recording counts")
+        if self.clock == "index":
+            remarks.append("its stamps are broken: scans count as one second apart in the order of their recording")
+        odd = [f"{parent} → {child}" for parent, child in sorted(self.edges_by_log | self.file_by_log)]
+        odd += sorted(self.other_clock)
+        if odd and self.clock == "header":
+            remarks.append(f"{', '.join(odd)}: stamped by another clock, so the time of recording counts")
+        return remarks
+
+
+def times_of(glimpses: Sequence[Glimpse], payloads: Sequence[SeenPayload], poses: PosePlan) -> Times:
+    """Which clock tells a robot's time, and which topics and edges are on another.
+
+    What the stamp of a ready map means differs from mapper to mapper: a map counts from when it was recorded.
+    """
+    stamps = {payload.topic: (*payload.first, *payload.last) for payload in payloads}
+    if payloads[0].kind == GRID_MESSAGE:
+        logs = [[Stamped(t.log_ns, t.log_ns) for t in times] for times in stamps.values()]
+        clock = clock_of(logs)
+        offset_ns = _offset_of_source(glimpses)
+        other_clock, undated = set[str](), frozenset(stamps)
+    else:
+        clock = clock_of(list(stamps.values()))
+        offset_ns = offset_of(next(iter(stamps.values()))) if clock == "header" else 0
+        other_clock, undated = {t for t, times in stamps.items() if is_other_clock(times, offset_ns)}, frozenset()
+    if poses.topic is not None and not poses.from_file and is_other_clock(poses.topic.times, offset_ns):
+        other_clock.add(poses.topic.topic)
+    own, other = poses.tree.own_edges, poses.tree.other_edges
+    odd = {(e.parent, e.child) for e in own if not e.fixed and is_other_clock(e.times, offset_ns)}
+    span = [t.log_ns + offset_ns for times in stamps.values() for t in times]
+    file_odd = {(e.parent, e.child) for e in other if not e.fixed and _only_log_fits(e, min(span), max(span))}
+    return Times(clock, offset_ns, frozenset(other_clock), undated, frozenset(odd), frozenset(file_odd))
+
+
+def _offset_of_source(glimpses: Sequence[Glimpse]) -> int:
+    """How far the stamps of a recording usually lie after the times of recording; 0 where nothing tells."""
+    sensors = [(*p.first, *p.last) for g in glimpses for p in g.payloads if p.kind != GRID_MESSAGE]
+    edges = [edge.times for g in glimpses for edge in g.edges if not edge.fixed]
+    offsets = [offset_of(times) for times in (sensors or edges)]
+    return min(offsets, key=abs, default=0)
+
+
+def _only_log_fits(edge: SeenEdge, first_ns: int, last_ns: int) -> bool:
+    """Whether the times of recording of an edge in another file lie within the robot's range, and its stamps do not."""
+    low_ns, high_ns = first_ns - OTHER_CLOCK_NS, last_ns + OTHER_CLOCK_NS
+    by_stamp = edge.times[0].stamp_ns <= high_ns and edge.times[-1].stamp_ns >= low_ns
+    by_log = edge.times[0].log_ns <= high_ns and edge.times[-1].log_ns >= low_ns
+    return by_log and not by_stamp
+
+
+def clock_of(topics: Sequence[Sequence[Stamped]]) -> Clock:
+    """The best clock that works for all topics, each given by some of its first and last times in recorded order."""
+    return max((_clock_of_topic(times) for times in topics), key=("header", "log", "index").index, default="log")
+
+
+def _clock_of_topic(times: Sequence[Stamped]) -> Clock:
+    if times[0].stamp_ns > 0 and (len(times) == 1 or times[-1].stamp_ns > times[0].stamp_ns):
+        return "header"
+    if len(times) == 1 or times[-1].log_ns > times[0].log_ns:
+        return "log"
+    return "index"
+
+
+def offset_of(times: Sequence[Stamped]) -> int:
+    """By how much the stamps of a topic usually lie after the times of recording, in nanoseconds."""
+    return int(median(stamped.stamp_ns - stamped.log_ns for stamped in times)) if times else 0
+
+
+def is_other_clock(times: Sequence[Stamped], offset_ns: int) -> bool:
+    """Whether stamps cannot be of the clock whose offset to the time of recording is given.
+
+    A simulated clock that runs slower than the recorder's is no other clock: its own offset drifts as much.
+    """
+    offsets = [stamped.stamp_ns - stamped.log_ns for stamped in times]
+    return bool(offsets) and abs(median(offsets) - offset_ns) > OTHER_CLOCK_NS + max(offsets) - min(offsets)

@@ -1,0 +1,141 @@
+"""Transforms and poses on their way from a file into a robot's tree of frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from mapgraft.errors import RecordingError
+from mapgraft.recording.clocks import EdgeName
+from mapgraft.recording.payloads import Read, poses_in
+from mapgraft.recording.poses import TreePoses
+from mapgraft.recording.rigid import pose7
+from mapgraft.recording.source import RawMessage, ReadFaults, Source
+from mapgraft.recording.tf import TransformBuffer
+from mapgraft.recording.trees import TfTopic
+
+KEPT_NS = 60_000_000_000
+"""How much of the past a tree keeps; scans wait for their poses a few seconds at most."""
+
+_FORGET_EVERY = 4096  # samples
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """How to read one file's poses into a robot's tree.
+
+    ``replaced`` children are told by someone else. Edges in ``by_log``, or all with ``all_by_log``, are placed at their
+    time of recording plus ``offset_ns``. The messages on ``topic`` (empty: none) tell the edge ``pose_edge``.
+    """
+
+    tf: tuple[TfTopic, ...]
+    replaced: frozenset[str]
+    by_log: frozenset[EdgeName]
+    all_by_log: bool
+    offset_ns: int
+    topic: str = ""
+    pose_edge: EdgeName = ("", "")
+    topic_by_log: bool = False
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """The topics that tell poses as time goes on, in the order of their names."""
+        return tuple(sorted({*(tf.topic for tf in self.tf if not tf.fixed), *filter(None, [self.topic])}))
+
+    @property
+    def fixed_topics(self) -> tuple[str, ...]:
+        return tuple(sorted(tf.topic for tf in self.tf if tf.fixed))
+
+
+class Feed:
+    """Pours the poses of one file into one tree, and counts what cannot be used."""
+
+    def __init__(self, source: Source, reading: Reading, buffer: TransformBuffer, faults: ReadFaults) -> None:
+        self.newest_ns = -(2**63)
+        self._source = source
+        self._reading = reading
+        self._buffer = buffer
+        self._faults = faults
+        self._tf = {tf.topic: tf for tf in reading.tf}
+        self._names: dict[tuple[str, str, str], EdgeName | None] = {}
+        self._taken = 0
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        return self._reading.topics
+
+    def gather_fixed(self) -> None:
+        """Read all transforms that hold for all time, wherever in the file they are."""
+        topics = self._reading.fixed_topics
+        if topics:
+            for raw in self._source.messages(topics):
+                self.take(raw)
+
+    def take(self, raw: Read) -> None:
+        """Pour the poses of one message in."""
+        reading, topic = self._reading, raw.channel.topic
+        try:
+            records = poses_in(self._source, raw)
+        except RecordingError as error:
+            self._faults.add("pose_undecodable", str(error), topic=topic)
+            return
+        tf = self._tf.get(topic)
+        for record in records:
+            if not record.valid:
+                self._faults.add(
+                    "pose_invalid", f"a pose at {record.stamp_ns / 1e9:.3f} s has no finite place or turn", topic=topic
+                )
+                continue
+            pose = pose7(record.xyz_m, record.xyzw)
+            if tf is None:
+                parent, child = reading.pose_edge
+                by_log = reading.topic_by_log
+            else:
+                name = self._edge(topic, record.frame, record.child, tf)
+                if name is None:
+                    continue
+                parent, child = name
+                if tf.fixed:
+                    self._buffer.fix(parent, child, pose)
+                    continue
+                by_log = name in reading.by_log
+            stamp_ns = raw.log_ns + reading.offset_ns if by_log or reading.all_by_log else record.stamp_ns
+            self._buffer.add(parent, child, stamp_ns, pose)
+            if stamp_ns > self.newest_ns:
+                self.newest_ns = stamp_ns
+        self._taken += 1
+        if self._taken % _FORGET_EVERY == 0:
+            self._buffer.forget_older(KEPT_NS)
+
+    def _edge(self, topic: str, frame: str, child: str, tf: TfTopic) -> EdgeName | None:
+        """The edge's name in the tree, None when it is not wanted there."""
+        key = (topic, frame, child)
+        if key not in self._names:
+            name = (tf.frame(frame), tf.frame(child))
+            if not frame or not child or frame == child:
+                self._faults.add(
+                    "frame_unnamed", f"a transform joins {frame!r} to {child!r}: it is left out", topic=topic
+                )
+                self._names[key] = None
+            else:
+                self._names[key] = None if name[1] in self._reading.replaced else name
+        return self._names[key]
+
+
+class PoseFile:
+    """Another file's poses, read no further than the scans need."""
+
+    def __init__(self, source: Source, reading: Reading, buffer: TransformBuffer, faults: ReadFaults) -> None:
+        self._feed = Feed(source, reading, buffer, faults)
+        self._feed.gather_fixed()
+        self._messages: Iterator[RawMessage] = iter(source.messages(reading.topics) if reading.topics else ())
+        self._ended = False
+
+    def read_until(self, poses: TreePoses, frame: str, stamp_ns: int, patience_ns: int) -> None:
+        """Read until the poses around the stamp are there, or the file has gone past it by the patience."""
+        while not self._ended and not poses.settled(frame, stamp_ns) and self._feed.newest_ns < stamp_ns + patience_ns:
+            raw = next(self._messages, None)
+            if raw is None:
+                self._ended = True
+            else:
+                self._feed.take(raw)

@@ -1,0 +1,223 @@
+"""One robot's payloads on their way to become observations: which count, when they were, and where they belong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from mapgraft.contracts import GRID_MESSAGE, Observation, RecordingError, Scan
+from mapgraft.recording.clocks import INDEX_STEP_NS
+from mapgraft.recording.feeds import PoseFile
+from mapgraft.recording.frames import Stamped
+from mapgraft.recording.payloads import Opened, Payloads, Read
+from mapgraft.recording.plan import RobotPlan
+from mapgraft.recording.poses import Placed, TreePoses, beams_in_motion
+from mapgraft.recording.rigid import IDENTITY, Pose7, compose, from_transform, to_transform
+from mapgraft.recording.source import Source
+from mapgraft.recording.tally import Tally, TopicTally
+from mapgraft.recording.tf import Missing
+
+LONGEST_SWEEP_NS = 1_000_000_000
+"""No planar lidar turns slower than once a second: a longer sweep comes from a wrong ``time_increment``."""
+
+_IN_PLACE = Placed(IDENTITY, IDENTITY)
+
+
+class Limits(NamedTuple):
+    """Which observations are wanted: ``start_ns`` included, ``end_ns`` excluded on the mission's timeline."""
+
+    start_ns: int | None = None
+    end_ns: int | None = None
+    every: int = 1
+
+
+class Waiting(NamedTuple):
+    """A payload that waits for its pose; sorts by time, then by robot, topic and order of reading."""
+
+    stamp_ns: int  # on the mission's timeline
+    robot: int
+    topic: int
+    number: int
+    log_ns: int
+    robot_ns: int  # by the robot's own clock, as its poses are stamped
+    opened: Opened
+    intake: Intake
+
+
+@dataclass(slots=True)
+class _Topic:
+    """What an intake knows about one payload topic."""
+
+    name: str
+    kind: str
+    seen_frame: str
+    tree_frame: str
+    tally: TopicTally
+    met: int = 0  # messages so far, for the clock that counts them
+    wanted: int = 0  # of which within all limits, for thinning
+
+    def frame(self, opened: Opened) -> str:
+        return self.tree_frame if opened.frame == self.seen_frame else opened.frame
+
+
+class Intake:
+    """Takes in one robot's payloads and gives its observations.
+
+    ``order`` breaks ties between robots. ``poses`` is None where each scan brings its own pose, or none is needed;
+    ``T_anchor_map`` moves everything into the robot's own map frame; ``shift_ns`` is added to the robot's stamps.
+    """
+
+    def __init__(
+        self,
+        plan: RobotPlan,
+        order: int,
+        payloads: Payloads,
+        poses: TreePoses | None,
+        pose_file: PoseFile | None,
+        *,
+        shift_ns: int,
+        T_anchor_map: Pose7 | None,
+        limits: Limits,
+        tally: Tally,
+    ) -> None:
+        self.plan = plan
+        self._poses = poses
+        self._pose_file = pose_file
+        self._order = order
+        self._payloads = payloads
+        self._shift_ns = shift_ns + plan.clock_offset_ns
+        self._T_anchor_map = T_anchor_map
+        self._limits = limits
+        self._topics = [
+            _Topic(
+                seen.topic,
+                seen.kind,
+                seen.frame,
+                plan.poses.sensors.get(seen.topic, seen.frame),
+                tally.of(plan.name, seen.topic, seen.kind),
+            )
+            for seen in plan.payloads
+        ]
+        self._order_of = {topic.name: k for k, topic in enumerate(self._topics)}
+
+    def take(self, source: Source, read: Read) -> Waiting | None:
+        """A message of one of the robot's payload topics; None when it is not wanted, which is tallied."""
+        k = self._order_of[read.channel.topic]
+        topic = self._topics[k]
+        number = topic.met
+        topic.met += 1
+        topic.tally.read += 1
+        window, times, limits = self.plan.window, self.plan.times, self._limits
+        if window is not None and not window.holds(number * INDEX_STEP_NS if times.clock == "index" else read.log_ns):
+            topic.tally.outside += 1
+            return None
+        try:
+            opened = self._payloads.open(source, read)
+        except RecordingError as error:
+            topic.tally.drop("undecodable", read.log_ns, str(error))
+            return None
+        if times.clock == "index":
+            robot_ns = number * INDEX_STEP_NS
+        else:
+            robot_ns = times.stamp(topic.name, Stamped(read.log_ns, opened.stamp_ns))
+        stamp_ns = robot_ns + self._shift_ns
+        early = limits.start_ns is not None and stamp_ns < limits.start_ns
+        if early or (limits.end_ns is not None and stamp_ns >= limits.end_ns):
+            topic.tally.outside += 1
+            return None
+        topic.wanted += 1
+        if topic.kind != GRID_MESSAGE and (topic.wanted - 1) % limits.every:
+            topic.tally.thinned += 1
+            return None
+        return Waiting(stamp_ns, self._order, k, number, read.log_ns, robot_ns, opened, self)
+
+    def settled(self, waiting: Waiting, patience_ns: int) -> bool:
+        """Whether waiting longer would tell no more about the payload's pose.
+
+        Another file with poses is read up to the payload, and further by the patience where poses are missing.
+        """
+        if self._poses is None:
+            return True
+        topic = self._topics[waiting.topic]
+        frame = self._poses.base_frame if topic.kind == GRID_MESSAGE else topic.frame(waiting.opened)
+        until_ns = waiting.robot_ns + max(_sweep(waiting.opened), 0)
+        if self._pose_file is not None:
+            self._pose_file.read_until(self._poses, frame, until_ns, patience_ns)
+        return self._poses.settled(frame, until_ns)
+
+    def drop(self, waiting: Waiting, cause: str, why: str) -> None:
+        """Tally a payload that cannot become an observation."""
+        self._topics[waiting.topic].tally.drop(cause, waiting.robot_ns, why)
+
+    def observe(self, waiting: Waiting) -> Observation | None:
+        """The observation, or None when its pose or its content is missing, which is tallied."""
+        topic, opened = self._topics[waiting.topic], waiting.opened
+        if topic.kind == GRID_MESSAGE:
+            placed: Placed | Missing = self._place_map(topic, waiting)
+        else:
+            placed = self._place(topic, waiting)
+        if isinstance(placed, Missing):
+            topic.tally.drop(placed.cause, waiting.robot_ns, placed.sentence)
+            return None
+        try:
+            payload = self._payload(topic, waiting, placed)
+        except RecordingError as error:
+            topic.tally.drop("undecodable", waiting.robot_ns, str(error))
+            return None
+        if isinstance(payload, Missing):
+            topic.tally.drop(payload.cause, waiting.robot_ns, payload.sentence)
+            return None
+        topic.tally.used += 1
+        T_map_base, T_map_sensor = placed
+        if self._T_anchor_map is not None:
+            T_map_base = compose(self._T_anchor_map, T_map_base)
+            T_map_sensor = compose(self._T_anchor_map, T_map_sensor)
+        return Observation(
+            self.plan.name,
+            waiting.stamp_ns,
+            opened.stamp_ns if self.plan.times.clock == "index" else waiting.robot_ns,
+            opened.frame or topic.name,
+            topic.kind,
+            payload,
+            to_transform(T_map_sensor),
+            to_transform(T_map_base),
+        )
+
+    def _place(self, topic: _Topic, waiting: Waiting) -> Placed | Missing:
+        opened = waiting.opened
+        if self._poses is None:
+            return opened.placed or Missing("no_link", "the scan has no pose of its own")
+        placed = self._poses.at(topic.frame(opened), waiting.robot_ns)
+        if opened.T_frame_sensor is not None and not isinstance(placed, Missing):
+            T_frame_sensor = from_transform(opened.T_frame_sensor)
+            return Placed(placed.T_map_base, compose(placed.T_map_sensor, T_frame_sensor))
+        return placed
+
+    def _place_map(self, topic: _Topic, waiting: Waiting) -> Placed:
+        """A ready map lies in its own frame; where the body was is known only where the recording tells."""
+        if self._poses is None:
+            return _IN_PLACE
+        placed = self._poses.at(self._poses.base_frame, waiting.robot_ns)
+        return _IN_PLACE if isinstance(placed, Missing) else Placed(placed.T_map_base, IDENTITY)
+
+    def _payload(self, topic: _Topic, waiting: Waiting, placed: Placed) -> object:
+        """The payload; of a scan in motion with its beams placed, or why they cannot be."""
+        payload = waiting.opened.content()
+        if not isinstance(payload, Scan) or self._poses is None or not waiting.opened.sweep_ns:
+            return payload
+        sweep_ns = _sweep(waiting.opened)
+        if not sweep_ns:
+            topic.tally.sweeps_ignored += 1
+            return payload
+        last = self._place(topic, waiting._replace(robot_ns=waiting.robot_ns + sweep_ns))
+        if isinstance(last, Missing):
+            return last
+        beams = beams_in_motion(placed.T_map_sensor, last.T_map_sensor, len(payload.ranges_m))
+        if beams is None:
+            return payload
+        return Scan(payload.directions, payload.ranges_m, payload.hits, beams)
+
+
+def _sweep(opened: Opened) -> int:
+    """The time from the first to the last beam, 0 where it cannot be true."""
+    return opened.sweep_ns if abs(opened.sweep_ns) <= LONGEST_SWEEP_NS else 0

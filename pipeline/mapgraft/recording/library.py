@@ -1,0 +1,86 @@
+"""The files of a mission, each opened and looked into once, whoever asks for it."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from mapgraft.contracts import ConfigError, RecordingError
+from mapgraft.plugins import Plugins
+from mapgraft.recording.containers.opening import Reader, open_source
+from mapgraft.recording.glimpse import Glimpse, glimpse
+from mapgraft.recording.payloads import Decoder, Payloads
+
+
+class Library:
+    """Opens recordings and ready-made map files, with what plugins add to both.
+
+    ``typestore`` names the rosbags typestore for messages whose definition is not in their file.
+    """
+
+    def __init__(self, plugins: Plugins | None, typestore: str) -> None:
+        self._plugins = plugins or Plugins()
+        self._typestore = typestore
+        self._glimpses: dict[Path, Glimpse] = {}
+        self._readers = [
+            Reader(offered.descriptor.accepts, self._reader(offered.descriptor.name))
+            for offered in self._plugins.of_kind("reader")
+        ]
+        self.payloads = Payloads(
+            {
+                name: (offered.descriptor.gives, self._decoder(offered.descriptor.name))
+                for offered in self._plugins.of_kind("decoder")
+                for name in offered.descriptor.accepts
+            }
+        )
+
+    def look(self, path: Path) -> Glimpse:
+        """The recording at a path, opened when it is asked for first; raises RecordingError when it cannot be read."""
+        key = path.resolve()
+        if key not in self._glimpses:
+            source = open_source(path, typestore=self._typestore, readers=self._readers)
+            try:
+                self._glimpses[key] = glimpse(source, self.payloads)
+            except BaseException:
+                source.close()
+                raise
+        return self._glimpses[key]
+
+    def format_of(self, path: Path) -> str | None:
+        """The name of the installed format that reads this kind of map file, None when the file is no map."""
+        for offered in self._plugins.of_kind("format"):
+            if (
+                path.is_file()
+                and path.name != "metadata.yaml"
+                and path.name.lower().endswith(offered.descriptor.accepts)
+            ):
+                return offered.descriptor.name
+        return None
+
+    def read_map(self, path: Path, options: Mapping[str, object], warn: Callable[[str], None]) -> tuple[str, object]:
+        """A ready-made map file as (kind of payload, payload); raises MapgraftError when it cannot be read.
+
+        ``warn`` is handed to formats that take it, for what is probably not meant.
+        """
+        name = self.format_of(path)
+        if name is None:
+            raise RecordingError(f"no installed format reads {path}: see 'mapgraft plugins list'")
+        read = self._plugins.function("format", name)
+        known = inspect.signature(read).parameters
+        if unknown := sorted(set(options) - set(known)):
+            offered = ", ".join(key for key in known if key not in ("path", "warn")) or "none"
+            raise ConfigError(f"the format {name!r} has no option {', '.join(unknown)}: it has {offered}")
+        given = {**options, "warn": warn} if "warn" in known else dict(options)
+        return self._plugins.find("format", name).descriptor.gives, read(path, **given)
+
+    def close(self) -> None:
+        """Let go of all files."""
+        for seen in self._glimpses.values():
+            seen.source.close()
+
+    def _decoder(self, name: str) -> Callable[[], Decoder]:
+        return lambda: self._plugins.function("decoder", name)
+
+    def _reader(self, name: str) -> Callable[[Path], object]:
+        return lambda path: self._plugins.function("reader", name)(path)  # noqa: PLW0108 (not loaded before it is used)

@@ -1,0 +1,268 @@
+"""A mission: the recordings of several robots as one stream of observations on one timeline."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from mapgraft.config import Config
+from mapgraft.contracts import Observation, RecordingError, Transform
+from mapgraft.plugins import Plugins
+from mapgraft.recording.clocks import Clock
+from mapgraft.recording.frames import Drift
+from mapgraft.recording.glimpse import Glimpse
+from mapgraft.recording.intake import Limits
+from mapgraft.recording.library import Library
+from mapgraft.recording.plan import RobotPlan
+from mapgraft.recording.rigid import Pose7, from_transform, inverse, levelled, to_transform
+from mapgraft.recording.roster import MapFile, Roster, call_roll
+from mapgraft.recording.source import Fault, ReadFaults, Source
+from mapgraft.recording.stream import Member, Stream
+from mapgraft.recording.tally import Tally
+from mapgraft.recording.timeline import shifts
+from mapgraft.recording.worlds import known_world
+
+S = 1_000_000_000
+_SHOWN = 10
+_ALIKE_NS = 10 * S  # robots of one file whose clocks lie closer are read in one pass
+
+
+@dataclass(frozen=True, slots=True)
+class RobotSource:
+    """What one robot of a mission is read from.
+
+    ``source`` is its name as discovered; ``kinds`` are the payload kinds it observes; ``poses`` says in words where its
+    poses come from and ``drift`` how such poses err. ``start_ns`` and ``end_ns`` are its first and last recorded
+    stamps, ``shift_ns`` is added to them on the timeline. ``count`` is the number of recorded payloads, None where
+    only reading could tell.
+    """
+
+    name: str
+    source: str
+    files: tuple[str, ...]
+    topics: tuple[str, ...]
+    kinds: tuple[str, ...]
+    poses: str
+    drift: Drift
+    map_frame: str
+    base_frame: str
+    clock: Clock
+    start_ns: int
+    end_ns: int
+    shift_ns: int
+    count: int | None
+    remarks: tuple[str, ...]
+
+
+class Mission:
+    """Several robots on one timeline; made by ``open_mission``.
+
+    ``T_world_map`` places the map frames of those robots whose recording tells how they lie in one world (windows of
+    one log, a common root frame); it is empty where nobody knows. ``tally`` is that of the last ``observations()``.
+    """
+
+    def __init__(self, roster: Roster, library: Library, config: Config) -> None:
+        self._library = library
+        self._config = config.mission
+        self._plans = roster.plans
+        self._map_files = roster.map_files
+        self.glimpses = roster.glimpses
+        self.unmappable = roster.unmappable
+        self.tally = Tally()
+        self._faults = ReadFaults()
+        self._order = {name: k for k, name in enumerate(sorted([*_names(roster)]))}
+        self._shifts = shifts({plan.name: plan.range for plan in self._plans}, self._config.start)
+        self._anchors = {plan.name: self._anchor(plan) for plan in self._plans if plan.anchored}
+        self.T_world_map: Mapping[str, Transform] = {
+            name: to_transform(pose) for name, pose in known_world(self._plans, self._anchors).items()
+        }
+
+    @property
+    def start_ns(self) -> int:
+        """The first stamp on the mission's timeline, before any limits."""
+        return min((plan.range.first_ns + self._shifts[plan.name] for plan in self._plans), default=0)
+
+    @property
+    def end_ns(self) -> int:
+        """The last stamp on the mission's timeline, before any limits."""
+        return max((plan.range.last_ns + self._shifts[plan.name] for plan in self._plans), default=0)
+
+    @property
+    def robots(self) -> tuple[RobotSource, ...]:
+        """All robots, by name."""
+        sources = [_described(plan, self._shifts[plan.name]) for plan in self._plans]
+        sources += [_described_file(file, self.start_ns) for file in self._map_files]
+        return tuple(sorted(sources, key=lambda source: self._order[source.name]))
+
+    @property
+    def faults(self) -> list[Fault]:
+        """What was lost or odd in the files as far as they were read."""
+        faults = [fault for source in self._sources() for fault in source.faults]
+        return [*faults, *self._faults]
+
+    def observations(self) -> Iterator[Observation]:
+        """All observations of all robots in time order; each call reads the files anew and begins a new tally.
+
+        Ties go by the robots' names, then by topic and order of recording. Raises RecordingError when a file cannot be
+        read any more.
+        """
+        self.tally, self._faults = Tally(), ReadFaults()
+        limits = self._limits()
+        streams = [
+            Stream(members, self._library.payloads, limits, self.tally, self._faults).observations()
+            for members in self._passes()
+        ]
+        files = iter([self._ready(file, limits) for file in self._map_files])
+        order = self._order
+        return heapq.merge(files, *streams, key=lambda seen: (seen.stamp_ns, order[seen.robot]))
+
+    def close(self) -> None:
+        """Let go of all files."""
+        self._library.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _limits(self) -> Limits:
+        config, start_ns = self._config, self.start_ns
+        return Limits(
+            None if config.start_s is None else start_ns + round(config.start_s * S),
+            None if config.end_s is None else start_ns + round(config.end_s * S),
+            config.every,
+        )
+
+    def _member(self, plan: RobotPlan) -> Member:
+        return Member(plan, self._order[plan.name], self._shifts[plan.name], self._anchors.get(plan.name))
+
+    def _passes(self) -> list[list[Member]]:
+        """Robots of the same files, window and shift share a pass; virtual robots of one log play at the same time."""
+        passes: dict[object, list[Member]] = {}
+        for plan in self._plans:
+            files = tuple(g.source.path for g in plan.glimpses)
+            lag = (plan.times.offset_ns + self._shifts[plan.name] + plan.clock_offset_ns) // _ALIKE_NS
+            passes.setdefault((files, plan.window, plan.times.clock, lag), []).append(self._member(plan))
+        return list(passes.values())
+
+    def _anchor(self, plan: RobotPlan) -> Pose7:
+        """``T_anchor_map`` of a virtual robot: its map frame begins, level, at its first pose.
+
+        Raises RecordingError when no scan in its window has a pose.
+        """
+        tally = Tally()
+        stream = Stream([Member(plan, 0, 0)], self._library.payloads, Limits(), tally, ReadFaults())
+        first = next(stream.observations(), None)
+        if first is None:
+            why = "; ".join(tally.sentences())
+            raise RecordingError(f"robot {plan.name} cannot be mapped: no scan in its window has a pose ({why})")
+        return inverse(levelled(from_transform(first.T_map_base)))
+
+    def _ready(self, file: MapFile, limits: Limits) -> Observation:
+        """A map file is there from the start."""
+        topic = self.tally.of(file.name, file.path.name, file.kind)
+        topic.read = topic.used = 1
+        stamp_ns = self.start_ns if limits.start_ns is None else limits.start_ns
+        still = Transform.identity()
+        return Observation(file.name, stamp_ns, stamp_ns, file.path.name, file.kind, file.payload, still, still)
+
+    def _sources(self) -> list[Source]:
+        """All recordings that robots are read from, each once."""
+        glimpses = [g for plan in self._plans for g in (*plan.glimpses, plan.pose_file) if g is not None]
+        return list({g.source.path: g.source for g in (*self.glimpses, *glimpses)}.values())
+
+
+def open_mission(paths: Sequence[Path], config: Config, *, plugins: Plugins | None = None) -> Mission:
+    """Find the robots in some files and make them one mission.
+
+    ``plugins`` add readers, decoders and map formats. Raises RecordingError when a file cannot be read or there is
+    nothing to map, ConfigError when the configuration speaks of what is not there, TransformError and PluginError from
+    what plugins read.
+    """
+    library = Library(plugins, config.mission.typestore)
+    try:
+        roster = call_roll(paths, config, library)
+        if not roster.plans and not roster.map_files:
+            raise RecordingError(nothing_found(roster))
+        return Mission(roster, library, config)
+    except BaseException:
+        library.close()
+        raise
+
+
+def nothing_to_map(mission: Mission) -> str:
+    """A sentence on why a mission gave no observation at all, after ``observations()`` came to its end."""
+    reasons = "; ".join(mission.tally.sentences()) or "all of them lie outside the start and end asked for"
+    return f"nothing to map: no scan or map of {', '.join(r.name for r in mission.robots)} could be used: {reasons}"
+
+
+def nothing_found(roster: Roster) -> str:
+    """A sentence on why the files hold no robot that can be mapped."""
+    reasons = [f"robot {name}: {reason}" for name, reason in roster.unmappable]
+    reasons += [sentence for g in roster.glimpses for sentence in g.undecodable]
+    if reasons:
+        return f"nothing to map: {'; '.join(reasons)}"
+    held = "; ".join(f"{g.source.path.name} holds {_held(g)}" for g in roster.glimpses) or "no file was given"
+    return f"nothing to map: no scans and no maps: {held}: record a LaserScan or OccupancyGrid topic"
+
+
+def _held(g: Glimpse) -> str:
+    channels = [f"{c.topic} ({c.message_type})" for c in g.source.channels if c.count != 0]
+    shown = ", ".join(channels[:_SHOWN]) + (
+        f" and {len(channels) - _SHOWN} more topics" if len(channels) > _SHOWN else ""
+    )
+    return shown or "no messages"
+
+
+def _names(roster: Roster) -> Iterator[str]:
+    yield from (plan.name for plan in roster.plans)
+    yield from (file.name for file in roster.map_files)
+
+
+def _described(plan: RobotPlan, shift_ns: int) -> RobotSource:
+    counts = [seen.channel.count for seen in plan.payloads]
+    still = "none needed: ready maps in their own frame"
+    return RobotSource(
+        name=plan.name,
+        source=plan.source,
+        files=tuple(str(g.source.path) for g in plan.glimpses),
+        topics=tuple(seen.topic for seen in plan.payloads),
+        kinds=tuple(dict.fromkeys(seen.kind for seen in plan.payloads)),
+        poses=still if plan.ready_maps else plan.poses.text,
+        drift="none" if plan.ready_maps else plan.poses.drift,
+        map_frame=plan.payloads[0].frame if plan.ready_maps else plan.poses.map_frame,
+        base_frame=plan.poses.base_frame,
+        clock=plan.times.clock,
+        start_ns=plan.range.first_ns - plan.clock_offset_ns,
+        end_ns=plan.range.last_ns - plan.clock_offset_ns,
+        shift_ns=shift_ns + plan.clock_offset_ns,
+        count=None if None in counts else sum(count or 0 for count in counts),
+        remarks=plan.remarks,
+    )
+
+
+def _described_file(file: MapFile, start_ns: int) -> RobotSource:
+    return RobotSource(
+        name=file.name,
+        source=file.name,
+        files=(str(file.path),),
+        topics=(file.path.name,),
+        kinds=(file.kind,),
+        poses="none needed: a ready map in its own frame",
+        drift="none",
+        map_frame="map",
+        base_frame="",
+        clock="index",
+        start_ns=start_ns,
+        end_ns=start_ns,
+        shift_ns=0,
+        count=1,
+        remarks=file.remarks,
+    )

@@ -1,0 +1,128 @@
+"""Which messages become observations and which tell poses, and how to open them, whatever container they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, NamedTuple
+
+from mapgraft.contracts import GRID_MESSAGE, SCAN, MapgraftError, RecordingError, Transform
+from mapgraft.recording.decoding.grids import grid_payload
+from mapgraft.recording.decoding.names import bare_frame
+from mapgraft.recording.decoding.poses import POSE_READERS, poses_of
+from mapgraft.recording.decoding.records import PoseRecord
+from mapgraft.recording.decoding.scan_fields import stamp_ns
+from mapgraft.recording.decoding.scans import scan_payload
+from mapgraft.recording.poses import Placed
+from mapgraft.recording.rigid import pose7
+from mapgraft.recording.source import CARMEN_LASER_SCAN, SCAN_TYPES, RawMessage, RecordedScan, ScanMessage, Source
+
+GRID_TYPES = frozenset({"nav_msgs/msg/OccupancyGrid"})
+TF_TYPES = frozenset(
+    {
+        "tf2_msgs/msg/TFMessage",
+        "tf/msg/tfMessage",
+        "geometry_msgs/msg/TransformStamped",
+        "foxglove/msg/FrameTransform",
+        "foxglove/msg/FrameTransforms",
+    }
+)
+"""Message types whose transforms name both of their frames."""
+
+POSE_TYPES = frozenset(POSE_READERS) - TF_TYPES
+"""Message types that tell the pose of one body; scans of CARMEN logs among them."""
+
+_NONSENSE_S = 3600.0  # no sweep takes an hour
+
+Read = RawMessage | RecordedScan
+Decoder = Callable[[Any], object]
+
+
+class Opened(NamedTuple):
+    """A payload's message as far as its pose needs it: when, in which frame, and how long the sweep took.
+
+    ``sweep_ns`` is the time from the first to the last beam, negative where beams are fired in reverse order.
+    ``T_frame_sensor`` is where the sensor sits in its frame (None: in its origin); ``placed`` is the pose that the
+    message itself brings along, as CARMEN's scans do.
+    """
+
+    stamp_ns: int
+    frame: str
+    sweep_ns: int
+    T_frame_sensor: Transform | None
+    placed: Placed | None
+    content: Callable[[], object]
+
+
+class Payloads:
+    """The registry of payload types: scans and ready grids, and what plugins' decoders add.
+
+    ``kinds`` maps further message types to (kind of payload, how to get its decoder); a decoder is fetched when the
+    first message of its type is turned into a payload.
+    """
+
+    def __init__(self, kinds: Mapping[str, tuple[str, Callable[[], Decoder]]] | None = None) -> None:
+        self._kinds = dict(kinds or {})
+        self._decoders: dict[str, Decoder] = {}
+
+    def kind_of(self, message_type: str) -> str | None:
+        """The kind of payload that messages of this type give, None where nobody can decode them."""
+        if message_type in SCAN_TYPES:
+            return SCAN
+        if message_type in GRID_TYPES:
+            return GRID_MESSAGE
+        return self._kinds[message_type][0] if message_type in self._kinds else None
+
+    def open(self, source: Source, read: Read) -> Opened:
+        """Look into a payload's message; raises RecordingError when the bytes do not fit their type."""
+        if isinstance(read, RecordedScan):
+            return _opened_scan(read.scan, None)
+        message_type = read.channel.message_type
+        if message_type in SCAN_TYPES:
+            placed = _own_place(source, read) if message_type == CARMEN_LASER_SCAN else None
+            return _opened_scan(source.decode_scan(read), placed)
+        message: Any = source.decode(read)
+        try:
+            stamp, frame = stamp_ns(message.header.stamp), bare_frame(message.header.frame_id)
+        except (AttributeError, TypeError, ValueError) as error:
+            raise RecordingError(f"a message of type {message_type} has no header ({error})") from error
+        decode = grid_payload if message_type in GRID_TYPES else self._decoder(message_type)
+        return Opened(stamp, frame, 0, None, None, partial(_decoded, decode, message, message_type))
+
+    def _decoder(self, message_type: str) -> Decoder:
+        if message_type not in self._decoders:
+            self._decoders[message_type] = self._kinds[message_type][1]()
+        return self._decoders[message_type]
+
+
+def poses_in(source: Source, read: Read) -> tuple[PoseRecord, ...]:
+    """The poses in a message of one of TF_TYPES or POSE_TYPES; raises RecordingError when it cannot be decoded."""
+    if isinstance(read, RecordedScan):
+        return ()
+    return poses_of(read.channel.message_type, source.decode(read))
+
+
+def _opened_scan(scan: ScanMessage, placed: Placed | None) -> Opened:
+    sweep_s = scan.time_increment_s * (len(scan.ranges_m) - 1)
+    sweep_ns = round(sweep_s * 1e9) if abs(sweep_s) < _NONSENSE_S else round(_NONSENSE_S * 1e9)  # NaN is nonsense too
+    return Opened(scan.stamp_ns, scan.frame_id, sweep_ns, scan.T_frame_sensor, placed, partial(scan_payload, scan))
+
+
+def _own_place(source: Source, read: RawMessage) -> Placed | None:
+    """Where a CARMEN scan says its laser was, which stands for the robot: its body is told in another frame."""
+    record = poses_in(source, read)[0]
+    if not record.valid:
+        return None
+    T_map_sensor = pose7(record.xyz_m, record.xyzw)
+    return Placed(T_map_sensor, T_map_sensor)
+
+
+def _decoded(decode: Decoder, message: object, message_type: str) -> object:
+    try:
+        return decode(message)
+    except MapgraftError:
+        raise
+    except Exception as error:  # a stranger's decoder may fail in any way
+        raise RecordingError(
+            f"a message of type {message_type} cannot be decoded ({type(error).__name__}: {error})"
+        ) from error

@@ -1,0 +1,167 @@
+"""What will be read for one robot, and how: discovery and configuration put together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+from mapgraft.config import RobotConfig, WindowConfig
+from mapgraft.contracts import GRID_MESSAGE, ConfigError
+from mapgraft.recording.choice import PosePlan, choose_poses
+from mapgraft.recording.clocks import INDEX_STEP_NS, Clock, Times, times_of
+from mapgraft.recording.discovery import FoundRobot
+from mapgraft.recording.glimpse import Glimpse, SeenPayload, times_between
+from mapgraft.recording.payloads import Payloads
+from mapgraft.recording.timeline import Range
+
+S = 1_000_000_000
+
+
+class Window(NamedTuple):
+    """The part of a recording that a virtual robot is cut from: ``from_ns`` included, ``until_ns`` excluded.
+
+    Times of recording, or (with the clock ``index``) the number of the scan times INDEX_STEP_NS.
+    """
+
+    from_ns: int
+    until_ns: int | None
+
+    def holds(self, time_ns: int) -> bool:
+        return self.from_ns <= time_ns and (self.until_ns is None or time_ns < self.until_ns)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotPlan:
+    """Everything needed to read one robot.
+
+    ``range`` is from its first to its last payload by its own clock. With ``anchored`` its map frame begins at its
+    first pose. ``poses.method`` is ``none`` for a robot of ready maps that nothing places.
+    """
+
+    name: str
+    glimpses: tuple[Glimpse, ...]
+    pose_file: Glimpse | None
+    payloads: tuple[SeenPayload, ...]
+    poses: PosePlan
+    times: Times
+    range: Range
+    window: Window | None
+    anchored: bool
+    max_gap_ns: int
+    clock_offset_ns: int
+    source: str
+    remarks: tuple[str, ...] = field(default=())
+
+    @property
+    def ready_maps(self) -> bool:
+        """Whether the robot is mapped from ready-made maps."""
+        return self.payloads[0].kind == GRID_MESSAGE
+
+
+class Unmappable(NamedTuple):
+    """A robot that was found, and why it cannot be mapped."""
+
+    name: str
+    reason: str
+
+
+def plan_robot(
+    name: str, found: Sequence[FoundRobot], config: RobotConfig, pose_file: Glimpse | None, payloads: Payloads
+) -> RobotPlan | Unmappable:
+    """The plan for one robot, found in one file or in several; raises ConfigError for topics that do not exist."""
+    glimpses = tuple(robot.glimpse for robot in found)
+    sensors = _chosen(name, found, config.scans, [seen for robot in found for seen in robot.sensors], "scans")
+    maps = _chosen(name, found, config.maps, [seen for robot in found for seen in robot.maps], "maps")
+    if config.maps and config.scans is None:
+        sensors = ()
+    remarks = [unused for robot in found for unused in robot.unused]
+    used = sensors or maps
+    if not used:
+        return Unmappable(name, "it has neither scans nor maps")
+    poses = choose_poses(glimpses, pose_file, used, found[0].namespace, config.poses)
+    if sensors and poses.method == "none":
+        if not maps:
+            return Unmappable(name, f"its scans on {_topics(sensors)} have no poses: {poses.text}")
+        remarks.append(f"mapped from {_topics(maps)}, because its scans have no poses: {poses.text}")
+        used, poses = maps, choose_poses(glimpses, pose_file, maps, found[0].namespace, config.poses)
+    elif sensors and maps:
+        remarks.append(f"{_topics(maps)} is not used, because the robot is mapped from its scans")
+    times = times_of(glimpses, used, poses)
+    if times.clock == "index" and poses.method == "tree" and used is sensors:
+        return Unmappable(name, "neither stamps nor times of recording tell when its scans were taken")
+    window = None if config.window is None else _window(config.window, glimpses, used, times.clock)
+    range_ = _range(glimpses, used, times, window, payloads)
+    if range_ is None:
+        return Unmappable(name, f"nothing on {_topics(used)} lies in its window")
+    offset_ns = round(config.clock_offset_s * S)
+    return RobotPlan(
+        name,
+        glimpses,
+        pose_file,
+        used,
+        poses,
+        times,
+        Range(range_.first_ns + offset_ns, range_.last_ns + offset_ns),
+        window,
+        anchored=window is not None and used is sensors,
+        max_gap_ns=round(config.poses.max_gap_s * S),
+        clock_offset_ns=offset_ns,
+        source=config.source or name,
+        remarks=(*remarks, *poses.remarks, *times.remarks()),
+    )
+
+
+def _chosen(
+    name: str, found: Sequence[FoundRobot], wanted: Sequence[str] | None, default: Sequence[SeenPayload], what: str
+) -> tuple[SeenPayload, ...]:
+    """The payload topics to use, one entry per topic, first and last times over all files."""
+    if wanted is None:
+        chosen = list(default)
+    else:
+        seen = [p for robot in found for p in robot.glimpse.payloads if (p.kind == GRID_MESSAGE) == (what == "maps")]
+        for topic in wanted:
+            if not any(p.topic == topic for p in seen):
+                there = ", ".join(sorted({p.topic for p in seen})) or "none"
+                raise ConfigError(f"robots.{name}.{what}: there is no topic {topic!r}: the recording has {there}")
+        chosen = [p for p in seen if p.topic in wanted]
+    merged: dict[str, SeenPayload] = {}
+    for p in sorted(chosen, key=lambda p: (p.topic, p.first[0].log_ns)):
+        merged[p.topic] = replace(merged[p.topic], last=p.last) if p.topic in merged else p
+    return tuple(merged.values())
+
+
+def _window(config: WindowConfig, glimpses: Sequence[Glimpse], payloads: Sequence[SeenPayload], clock: Clock) -> Window:
+    starts = [g.source.start_ns for g in glimpses if g.source.start_ns is not None]
+    start_ns = min(starts, default=min(p.first[0].log_ns for p in payloads))
+    if clock == "index":
+        start_ns = 0
+    end_ns = None if config.end_s is None else start_ns + round(config.end_s * S)
+    return Window(start_ns + round(config.start_s * S), end_ns)
+
+
+def _range(
+    glimpses: Sequence[Glimpse], seen: Sequence[SeenPayload], times: Times, window: Window | None, payloads: Payloads
+) -> Range | None:
+    if times.clock == "index":
+        count = max((p.channel.count or 1) for p in seen)
+        window = window or Window(0, None)
+        last = (count - 1) * INDEX_STEP_NS
+        last = last if window.until_ns is None else min(last, window.until_ns - INDEX_STEP_NS)
+        return Range(window.from_ns, last) if last >= window.from_ns else None
+    if window is None:
+        found = [(p.topic, t) for p in seen for t in (*p.first, *p.last)]
+    else:
+        found = [
+            (p.topic, t)
+            for g in glimpses
+            for p in seen
+            if g.payload(p.topic)
+            for t in times_between(g.source, payloads, p.topic, window.from_ns, window.until_ns)
+        ]
+    stamps = [times.stamp(topic, t) for topic, t in found]
+    return Range(min(stamps), max(stamps)) if stamps else None
+
+
+def _topics(payloads: Sequence[SeenPayload]) -> str:
+    return ", ".join(payload.topic for payload in payloads)

@@ -1,0 +1,223 @@
+"""The robots of a mission: those that the files show, as the configuration names, cuts and overrides them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from pathlib import Path
+
+from mapgraft.config import Config, RobotConfig
+from mapgraft.contracts import ConfigError, RecordingError
+from mapgraft.recording.discovery import FoundRobot, discover
+from mapgraft.recording.glimpse import Glimpse
+from mapgraft.recording.library import Library
+from mapgraft.recording.naming import robot_name, stem, told_apart
+from mapgraft.recording.plan import RobotPlan, Unmappable, plan_robot
+
+_SHOWN = 12
+
+
+@dataclass(frozen=True, slots=True)
+class MapFile:
+    """A robot without scans: one ready-made map from a file."""
+
+    name: str
+    path: Path
+    kind: str
+    payload: object
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Roster:
+    """All robots of a mission, by name, and those that were found but cannot be mapped."""
+
+    plans: tuple[RobotPlan, ...]
+    map_files: tuple[MapFile, ...]
+    unmappable: tuple[Unmappable, ...]
+    glimpses: tuple[Glimpse, ...]
+
+
+def call_roll(paths: Sequence[Path], config: Config, library: Library) -> Roster:
+    """Find the robots in the files and in the configuration.
+
+    Raises RecordingError when a file cannot be read or a configured robot cannot be mapped, ConfigError when the
+    configuration speaks of what is not there.
+    """
+    paths = [*paths, *_further_files(paths, config)]
+    map_paths = [path for path in paths if library.format_of(path) is not None]
+    glimpses = [library.look(path) for path in paths if path not in map_paths]
+    call = _Call(config, library, _discovered(glimpses, config), _named_maps(map_paths))
+    for name, robot in config.robots.items():
+        call.configured(name, robot)
+    call.rest()
+    plans = tuple(sorted(call.plans, key=lambda plan: plan.name))
+    maps = tuple(sorted(call.map_files, key=lambda file: file.name))
+    return Roster(plans, maps, tuple(call.unmappable), tuple(glimpses))
+
+
+def _further_files(paths: Sequence[Path], config: Config) -> list[Path]:
+    """Files that only the configuration names; raises ConfigError for one that is not there."""
+    further: list[Path] = []
+    for name, robot in config.robots.items():
+        for pattern in robot.files:
+            if not any(_matches(path, pattern) for path in (*paths, *further)):
+                if not Path(pattern).exists():
+                    known = ", ".join(path.name for path in paths) or "none"
+                    raise ConfigError(f"robots.{name}.files: there is no file {pattern!r}: the mission has {known}")
+                further.append(Path(pattern))
+    return further
+
+
+def _discovered(glimpses: Sequence[Glimpse], config: Config) -> tuple[FoundRobot, ...]:
+    """The robots in all files, but for maps in files that are there for their poses only."""
+    pose_files = {robot.poses.file.resolve() for robot in config.robots.values() if robot.poses.file is not None}
+    named = {pattern for robot in config.robots.values() for pattern in robot.files}
+    return discover(
+        [
+            g
+            for g in glimpses
+            if g.source.path.resolve() not in pose_files
+            or any(seen.kind == "scan" for seen in g.payloads)
+            or any(_matches(g.source.path, pattern) for pattern in named)
+        ]
+    )
+
+
+def _named_maps(paths: Iterable[Path]) -> dict[str, Path]:
+    named: dict[str, Path] = {}
+    for path in paths:
+        name = robot_name(stem(path))
+        named[name if name not in named else told_apart(named, path)] = path
+    return named
+
+
+def _matches(path: Path, pattern: str) -> bool:
+    return (
+        pattern in (str(path), path.name, stem(path))
+        or fnmatch(path.name, pattern)
+        or fnmatch(str(path), pattern)
+        or (path.exists() and Path(pattern).exists() and path.resolve() == Path(pattern).resolve())
+    )
+
+
+class _Call:
+    """Collects the plans while the configured robots are called one by one."""
+
+    def __init__(self, config: Config, library: Library, found: Sequence[FoundRobot], maps: Mapping[str, Path]) -> None:
+        self.plans: list[RobotPlan] = []
+        self.map_files: list[MapFile] = []
+        self.unmappable: list[Unmappable] = []
+        self._config = config
+        self._library = library
+        self._found = {robot.name: robot for robot in found}
+        self._maps = dict(maps)
+        self._taken: dict[str, list[str]] = {}  # discovered name → configured names
+
+    def configured(self, name: str, robot: RobotConfig) -> None:
+        """Plan a robot that the configuration names."""
+        if (source := self._map_of(name, robot)) is not None:
+            self._take([source], name)
+            self._read_map(name, self._maps[source], robot.options)
+            return
+        found = self._sources(name, robot)
+        self._take([one.name for one in found], name)
+        pose_file = None if robot.poses.file is None else self._library.look(robot.poses.file)
+        plan = plan_robot(name, found, robot, pose_file, self._library.payloads)
+        if isinstance(plan, Unmappable):
+            raise RecordingError(f"robot {name} cannot be mapped: {plan.reason}")
+        self.plans.append(plan)
+
+    def rest(self) -> None:
+        """Plan all discovered robots that the configuration did not take."""
+        names = {plan.name for plan in self.plans} | {file.name for file in self.map_files}
+        for name, found in self._found.items():
+            if name not in self._taken:
+                plan = plan_robot(_free(name, names), [found], RobotConfig(), None, self._library.payloads)
+                if isinstance(plan, Unmappable):
+                    self.unmappable.append(plan)
+                else:
+                    self.plans.append(plan)
+        for name, path in self._maps.items():
+            if name not in self._taken:
+                self._read_map(_free(name, names | set(self._found)), path, {})
+
+    def _map_of(self, name: str, robot: RobotConfig) -> str | None:
+        """The map file that a configured robot is, if it is one."""
+        for candidate, path in self._maps.items():
+            if robot.source == candidate or any(_matches(path, pattern) for pattern in robot.files):
+                return candidate
+        return name if robot.source is None and not robot.files and name in self._maps else None
+
+    def _read_map(self, name: str, path: Path, options: Mapping[str, object]) -> None:
+        remarks: list[str] = []
+        kind, payload = self._library.read_map(path, options, remarks.append)
+        self.map_files.append(MapFile(name, path, kind, payload, tuple(remarks)))
+
+    def _sources(self, name: str, robot: RobotConfig) -> list[FoundRobot]:
+        """The discovered robots that a configured one is taken from: one, or one per file."""
+        if robot.source is not None:
+            if robot.source not in self._found:
+                raise ConfigError(f"robots.{name}.source: there is no robot {robot.source!r}: {self._there_are()}")
+            return [self._found[robot.source]]
+        candidates = list(self._found.values())
+        if robot.files:
+            candidates = [r for r in candidates if any(_matches(r.glimpse.source.path, p) for p in robot.files)]
+        elif name in self._found:
+            return [self._found[name]]
+        else:
+            candidates = [r for r in candidates if r.name.startswith(name + "@")] or _with_topics(candidates, robot)
+        return self._one_per_file(name, candidates, robot)
+
+    def _one_per_file(self, name: str, candidates: list[FoundRobot], robot: RobotConfig) -> list[FoundRobot]:
+        if len(candidates) > 1:
+            candidates = [r for r in candidates if r.name.partition("@")[0] == name] or _with_topics(candidates, robot)
+        files = {r.glimpse.source.path for r in candidates}
+        if not candidates:
+            raise ConfigError(f"robots.{name}: the recording shows no such robot: {self._there_are()}; name its source")
+        if len(candidates) > 1 and (len(files) < len(candidates) or not robot.files):
+            names = ", ".join(r.name for r in candidates)
+            raise ConfigError(f"robots.{name} may be any of {names}: say which with source or files")
+        return candidates
+
+    def _take(self, sources: Sequence[str], name: str) -> None:
+        """Note who takes what; raises ConfigError when two robots would be the same data."""
+        for source in sources:
+            others = self._taken.setdefault(source, [])
+            for other in others:
+                if not _different(self._config.robots[other], self._config.robots[name]):
+                    raise ConfigError(
+                        f"robots {other} and {name} are both taken from {source!r}: "
+                        "give each a window or topics of its own"
+                    )
+            others.append(name)
+
+    def _there_are(self) -> str:
+        names = sorted([*self._found, *self._maps])
+        shown = ", ".join(names[:_SHOWN]) + (f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")
+        return f"there are {shown}" if names else "there is none"
+
+
+def _with_topics(candidates: Sequence[FoundRobot], robot: RobotConfig) -> list[FoundRobot]:
+    """The candidates in whose file or own topics the configured ones are."""
+    wanted = {*(robot.scans or ()), *(robot.maps or ())}
+    if not wanted:
+        return []
+    own = [r for r in candidates if wanted <= {seen.topic for seen in (*r.sensors, *r.maps)}]
+    return own or [r for r in candidates if wanted <= {seen.topic for seen in r.glimpse.payloads}]
+
+
+def _different(one: RobotConfig, other: RobotConfig) -> bool:
+    topics = [{*(robot.scans or ()), *(robot.maps or ())} for robot in (one, other)]
+    if all(topics) and not topics[0] & topics[1]:
+        return True
+    return one.window is not None and other.window is not None and one.window != other.window
+
+
+def _free(name: str, taken: Iterable[str]) -> str:
+    """The name, or the name with a number where a configured robot has it already."""
+    names, k = set(taken), 2
+    while name in names:
+        name, k = f"{name}_{k}", k + 1
+    return name

@@ -1,0 +1,83 @@
+"""What became of every message: read, used, left out on purpose, or dropped and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+
+@dataclass(slots=True)
+class Dropped:
+    """Messages dropped for one cause: how many, the recorded stamp of the first, and a clause that says why."""
+
+    count: int
+    first_ns: int
+    why: str
+
+
+@dataclass(slots=True)
+class TopicTally:
+    """One topic of one robot. ``read`` is the sum of ``used``, ``outside``, ``thinned`` and all dropped.
+
+    ``outside`` lay before the start or after the end that was asked for, or outside the robot's window; ``thinned``
+    fell to ``every``. ``sweeps_ignored`` counts used scans whose ``time_increment`` cannot be true.
+    """
+
+    robot: str
+    topic: str
+    kind: str
+    read: int = 0
+    used: int = 0
+    outside: int = 0
+    thinned: int = 0
+    sweeps_ignored: int = 0
+    dropped: dict[str, Dropped] = field(default_factory=dict)
+
+    def drop(self, cause: str, stamp_ns: int, why: str) -> None:
+        """Count a dropped message; ``why`` is kept of the first one of its cause."""
+        known = self.dropped.get(cause)
+        if known is None:
+            self.dropped[cause] = Dropped(1, stamp_ns, why)
+        else:
+            known.count += 1
+
+    @property
+    def lost(self) -> int:
+        """How many were dropped, whatever the cause."""
+        return sum(dropped.count for dropped in self.dropped.values())
+
+    def sentences(self) -> Iterator[str]:
+        """What a person should know about this topic."""
+        noun = "maps" if self.kind == "grid_message" else f"{self.kind}s"
+        for cause, dropped in self.dropped.items():
+            yield (
+                f"{self.robot}: {dropped.count} of {self.read} {noun} on {self.topic} were left out ({cause}); the "
+                f"first, at {dropped.first_ns / 1e9:.3f} s: {dropped.why}"
+            )
+        if self.sweeps_ignored:
+            yield (
+                f"{self.robot}: the time_increment of {self.sweeps_ignored} {noun} on {self.topic} cannot be true "
+                "(a sweep of more than a second), so their beams are placed as if fired at once"
+            )
+
+
+@dataclass(slots=True)
+class Tally:
+    """The tallies of all topics of all robots, in the order of the robots."""
+
+    topics: dict[tuple[str, str], TopicTally] = field(default_factory=dict)
+
+    def of(self, robot: str, topic: str, kind: str) -> TopicTally:
+        """The tally of one topic of one robot, made when it is asked for first."""
+        return self.topics.setdefault((robot, topic), TopicTally(robot, topic, kind))
+
+    def __iter__(self) -> Iterator[TopicTally]:
+        return iter(self.topics.values())
+
+    def used(self, robot: str) -> int:
+        """How many observations a robot made."""
+        return sum(topic.used for topic in self if topic.robot == robot)
+
+    def sentences(self) -> list[str]:
+        """What a person should know: one sentence per robot, topic and cause."""
+        return [sentence for topic in self for sentence in topic.sentences()]
