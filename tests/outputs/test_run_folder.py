@@ -35,7 +35,8 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 def child(script: str, *arguments: object, timeout_s: float = 60) -> subprocess.CompletedProcess[str]:
     """Run a script in another process, with the toys at hand."""
-    environment = os.environ | {"PYTHONPATH": str(TOYS)}
+    path = os.pathsep.join([str(TOYS), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = os.environ | {"PYTHONPATH": path}
     command = [sys.executable, "-c", textwrap.dedent(script), *map(str, arguments)]
     return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=timeout_s, check=False)
 

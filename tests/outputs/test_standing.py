@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mapgraft.contracts import Transform
-from mapgraft.events import Event
+from mapgraft.events import Event, Kind
 from mapgraft.outputs.standing import Chain, StandingMerge, StandingMerges, chains_from, components
 
 METRES, ANGLES = st.floats(-50, 50), st.floats(-3.1, 3.1)
@@ -16,7 +18,7 @@ TRANSFORMS = st.builds(Transform.planar, METRES, METRES, ANGLES)
 POINTS = np.array([[1.0, 2.0, 0.0], [-3.0, 0.5, 0.0], [0.0, 0.0, 0.0]])
 
 
-def merge(receiver: str, donor: str, T: Transform, seq: int = 0, **fields: object) -> StandingMerge:
+def merge(receiver: str, donor: str, T: Transform, seq: int = 0, **fields: Any) -> StandingMerge:
     return StandingMerge(f"{receiver}.{donor}.{seq}", seq, receiver, donor, T, **fields)
 
 
@@ -109,9 +111,9 @@ def test_components_are_sorted_and_hold_robots_without_merges() -> None:
     assert components(["z", "a", "b"], merges) == [("a",), ("b", "d", "e"), ("c", "x"), ("z",)]
 
 
-def event(kind: str, merge_id: str = "a.b.1", T: Transform | None = None, **fields: object) -> Event:
-    state = {"merged": "provisional", "confirmed": "confirmed", "reverted": "reverted"}.get(kind, "provisional")
-    return Event(0, 0, kind, "a", "b", merge_id, state, T_receiver_donor=T, **fields)
+def event(kind: Kind, merge_id: str = "a.b.1", T: Transform | None = None, **fields: Any) -> Event:
+    states: dict[str, Any] = {"merged": "provisional", "confirmed": "confirmed", "reverted": "reverted"}
+    return Event(0, 0, kind, "a", "b", merge_id, states.get(kind, "provisional"), T_receiver_donor=T, **fields)
 
 
 def test_the_present_follows_the_events() -> None:

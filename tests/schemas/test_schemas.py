@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import pyarrow as pa
 import pytest
@@ -87,7 +88,7 @@ def test_the_viewer_layout_shows_world_with_panels_that_exist() -> None:
     layout = viewer_layout()
     panels = layout["configById"]
 
-    def leaves(node: object) -> list[str]:
+    def leaves(node: Any) -> list[str]:
         return [node] if isinstance(node, str) else [*leaves(node["first"]), *leaves(node["second"])]
 
     assert sorted(leaves(layout["layout"])) == sorted(panels)

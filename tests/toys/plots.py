@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from typing import Any, Literal
 
 import numpy as np
 
@@ -32,6 +33,7 @@ START_NS = 1_600_000_000 * S
 ALPHA, AT, UNDERSCORE = "alpha", "beta@2", "beta_2"  # two robots that ROS would give one name
 ROBOTS = (ALPHA, AT, UNDERSCORE)
 RESOLUTION_M = 0.5
+Why = Literal["before merge", "after merge", "before revert", "after revert", "end"]
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,7 @@ class PlotType:
         return Plot()
 
     def integrate(self, layer: AnyLayer, observation: Observation) -> Cells:
+        assert isinstance(observation.payload, dict)
         seen: Mapping[tuple[int, int], int] = observation.payload
         _plot(layer).cells.update(seen)
         return Cells(frozenset(seen))
@@ -192,7 +195,7 @@ def tell(sink: Sink, story: Iterable[Observation | Event | Snapshot]) -> None:
 
 
 def snapshot(
-    robot: str, tick: int, why: str, size: int, merge_id: str = "", extra: Mapping[tuple[int, int], int] | None = None
+    robot: str, tick: int, why: Why, size: int, merge_id: str = "", extra: Mapping[tuple[int, int], int] | None = None
 ) -> Snapshot:
     """A square map of ``size`` cells with a wall on one side; ``extra`` cells are in the fused map only."""
     own = Plot({(x, y): 100 if x == 0 else 0 for x in range(size) for y in range(size)})
@@ -211,7 +214,7 @@ def snapshot(
     )
 
 
-def _happenings() -> dict[int, list[Snapshot | dict[str, object]]]:
+def _happenings() -> dict[int, list[Snapshot | dict[str, Any]]]:
     first, second = f"{ALPHA}.{AT}.1", f"{UNDERSCORE}.{ALPHA}.1"
     made = {"by": "threshold", "rule": "all", "matcher": "look", "fuser": "lay", "verifier": "watch", "score": 0.9}
     one = {"receiver": ALPHA, "donor": AT, "merge_id": first, "reversal": "ledger", **made}
@@ -251,7 +254,7 @@ def _happenings() -> dict[int, list[Snapshot | dict[str, object]]]:
     }
 
 
-def _verified(tick: int) -> dict[str, object]:
+def _verified(tick: int) -> dict[str, Any]:
     return {
         "kind": "verified",
         "receiver": ALPHA,

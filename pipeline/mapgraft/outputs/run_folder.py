@@ -97,6 +97,11 @@ class RunFolder:
             self._mcap.mapped(snapshot)
             self._parquet.mapped(snapshot)
 
+    def keep(self, name: str, data: bytes) -> None:
+        """Put one more file beside the others when the run is finished."""
+        with self._writing():
+            self._staging.write(name, data)
+
     def timed(self, stage: str, elapsed_s: float, count: int = 0) -> None:
         """Wall clock that a stage of the run took; goes into the table ``timings`` and nowhere else."""
         self._parquet.timed(stage, elapsed_s, count)
@@ -140,10 +145,11 @@ class RunFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind is None and self._open:
-            self.finish()
-        else:
-            self.abort()
+        try:
+            if kind is None and self._open:
+                self.finish()
+        finally:
+            self.abort()  # does nothing after a finish that went well
 
     def _drain(self) -> None:
         """Write what waits, in order."""

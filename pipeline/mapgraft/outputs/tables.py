@@ -100,15 +100,12 @@ def _array(values: Sequence[Any], type_text: str) -> pa.Array:
 
 
 def _fixed_size_lists(values: Sequence[Any], arrow_type: Any) -> pa.Array:
-    """Matrices (or None) as fixed-size lists, row-major."""
-    flat = np.zeros((len(values), arrow_type.list_size))
-    missing = np.zeros(len(values), dtype=bool)
+    """Matrices as fixed-size lists, row-major; NaN for None, because Arrow before 24 writes and reads no null here."""
+    flat = np.full((len(values), arrow_type.list_size), np.nan)
     for row, value in enumerate(values):
-        if value is None:
-            missing[row] = True
-        else:
+        if value is not None:
             flat[row] = value.reshape(-1)
-    return pa.FixedSizeListArray.from_arrays(pa.array(flat.reshape(-1)), type=arrow_type, mask=pa.array(missing))
+    return pa.FixedSizeListArray.from_arrays(pa.array(flat.reshape(-1)), type=arrow_type)
 
 
 def _lists_of_pairs(values: Sequence[Mapping[str, Any]], arrow_type: Any) -> pa.Array:
