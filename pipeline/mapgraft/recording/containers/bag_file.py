@@ -74,6 +74,8 @@ class BagSource:
         return in_log_order(places_of(self._places, want), self._fetch, partial(self._parse, want), late)
 
     def _fetch(self, place: Place) -> Content:
+        if not self._view:
+            raise RecordingError(f"{self.path} was closed while it was still being read")
         return bag_content(self._view, place.offset, place.end)
 
     def _parse(self, want: Wanted, place: Place, content: Content) -> list[RawMessage]:

@@ -24,7 +24,7 @@ from mapgraft.recording.source import LASER_SCAN, ScanMessage, SchemaText
 DEFAULT_TYPESTORE = "ros2_humble"
 Data = bytes | memoryview
 
-_UNDECODABLE = (
+UNDECODABLE = (
     SerdeError,
     TypesysError,
     struct.error,
@@ -38,6 +38,7 @@ _UNDECODABLE = (
     RecursionError,
     MapgraftError,
 )
+"""What decoding damaged or hostile bytes may raise."""
 _IDL_SEPARATOR = "=" * 80
 _HEADER = "std_msgs/msg/Header"
 
@@ -96,7 +97,7 @@ def types_of(schema: SchemaText) -> Typestore:
         else:
             store.register(get_types_from_msg(text, name))
         _fill_in(store, get_typestore(Stores.ROS1_NOETIC if schema.encoding == "ros1msg" else Stores.ROS2_HUMBLE))
-    except (*_UNDECODABLE, SyntaxError) as error:
+    except (*UNDECODABLE, SyntaxError) as error:
         raise RecordingError(f"the definition of {name} in the recording cannot be parsed ({error})") from error
     return store
 
@@ -175,13 +176,13 @@ class RosCodec:
     def decode(self, data: Data) -> object:
         try:
             return self._deserialize(data, self._name)
-        except _UNDECODABLE as error:
+        except UNDECODABLE as error:
             raise _unfit(self._name, error) from error
 
     def decode_scan(self, data: Data) -> ScanMessage:
         try:
             return self._read_scan(data)
-        except _UNDECODABLE as error:
+        except UNDECODABLE as error:
             raise _unfit(self._name, error) from error
 
 
