@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -15,6 +15,9 @@ from mapgraft.outputs.event_message import encode_event, encode_log, event_of, s
 from mapgraft.outputs.messages import LOG_TYPE, MERGE_EVENT, MessageEncoder
 
 ENCODER = MessageEncoder()
+STORE = get_typestore(Stores.EMPTY)  # knows what the file says and nothing else
+STORE.register(get_types_from_msg(ENCODER.definition(MERGE_EVENT), MERGE_EVENT))
+STEADY = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 TEXT = st.text(st.characters(exclude_categories=("Cs",), exclude_characters="\0"), max_size=12)
 NUMBER = st.floats(allow_nan=False)
 COUNT = st.integers(-(2**63), 2**63 - 1)
@@ -60,17 +63,16 @@ def same(a: Event, b: Event) -> bool:
     )
 
 
-@settings(max_examples=50)
+@STEADY
 @given(EVENTS, TEXT)
 def test_an_event_is_read_back_as_it_was_and_rosbags_writes_the_same_bytes(event: Event, frame: str) -> None:
     data = encode_event(event, frame)
-    store = get_typestore(Stores.EMPTY)
-    store.register(get_types_from_msg(ENCODER.definition(MERGE_EVENT), MERGE_EVENT))
-    message = store.deserialize_cdr(data, MERGE_EVENT)
+    message = STORE.deserialize_cdr(data, MERGE_EVENT)
     assert same(event_of(message), event)
-    assert bytes(store.serialize_cdr(message, MERGE_EVENT, little_endian=True)) == data
+    assert bytes(STORE.serialize_cdr(message, MERGE_EVENT, little_endian=True)) == data
 
 
+@STEADY
 @given(EVENTS)
 def test_the_line_of_the_log_is_a_log_message(event: Event) -> None:
     data = encode_log(event, "mapgraft.a")

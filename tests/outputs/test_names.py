@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapgraft.outputs.names import RESERVED, file_names, ros_names
@@ -12,6 +12,7 @@ from mapgraft.outputs.names import RESERVED, file_names, ros_names
 ROBOTS = st.lists(st.text(min_size=1, max_size=12) | st.sampled_from(["a@b", "a_b", "a b", "a__b", "1", "robot_1"]))
 
 
+@settings(deadline=None)
 @given(ROBOTS)
 def test_ros_names_are_valid_and_injective(robots: list[str]) -> None:
     names = ros_names()
@@ -23,6 +24,7 @@ def test_ros_names_are_valid_and_injective(robots: list[str]) -> None:
     assert {robot: names[robot] for robot in robots} == given_names == names.given
 
 
+@settings(deadline=None)
 @given(ROBOTS)
 def test_file_names_hold_no_way_out_of_the_folder_and_are_injective(robots: list[str]) -> None:
     names = file_names()

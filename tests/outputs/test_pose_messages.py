@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapgraft.contracts import Transform
@@ -18,6 +18,7 @@ TRANSFORMS = st.builds(Transform.from_quaternion, st.tuples(METRES, METRES, METR
 ENCODER = MessageEncoder()
 
 
+@settings(deadline=None)
 @given(st.lists(TRANSFORMS, min_size=1, max_size=5))
 def test_many_quaternions_equal_those_one_by_one(transforms: list[Transform]) -> None:
     numbers = pose_numbers(np.stack([T.matrix for T in transforms]))
@@ -28,6 +29,7 @@ def test_many_quaternions_equal_those_one_by_one(transforms: list[Transform]) ->
         assert np.linalg.norm(row[3:]) == pytest.approx(1.0)
 
 
+@settings(deadline=None)
 @given(st.text("abc_/", min_size=1, max_size=9), st.text("xyz", max_size=9), st.integers(0, 2**31 * 10**9 - 1))
 def test_a_frame_pair_encodes_what_the_general_encoder_does(parent: str, child: str, stamp_ns: int) -> None:
     numbers = np.array([[1.0, 2.0, 3.0, 0.0, 0.0, 0.6, 0.8]])

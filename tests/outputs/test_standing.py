@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapgraft.contracts import Transform
@@ -26,6 +26,7 @@ def moved(chain: Chain) -> np.ndarray:
     return chain.T_target_source.apply(chain.scale * POINTS)
 
 
+@settings(deadline=None)
 @given(TRANSFORMS, TRANSFORMS, st.floats(0.2, 5.0), st.floats(0.2, 5.0))
 def test_a_chain_moves_points_as_its_merges_do(ab: Transform, cb: Transform, s_ab: float, s_cb: float) -> None:
     merges = [merge("a", "b", ab, 0, scale=s_ab), merge("c", "b", cb, 1, scale=s_cb)]

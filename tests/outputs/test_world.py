@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapgraft.contracts import Transform
@@ -27,6 +27,7 @@ def apart(T: dict[str, Transform], boxes: dict[str, Box]) -> bool:
     return not any(a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3] for a, b in combinations(placed, 2))
 
 
+@settings(deadline=None)
 @given(st.dictionaries(st.sampled_from(ROBOTS), BOXES, min_size=1))
 def test_unmerged_maps_never_cover_each_other(boxes: dict[str, Box]) -> None:
     T = lay_out({}, boxes, [])
@@ -35,6 +36,7 @@ def test_unmerged_maps_never_cover_each_other(boxes: dict[str, Box]) -> None:
     assert lay_out(T, boxes, []) == T
 
 
+@settings(deadline=None)
 @given(st.dictionaries(st.sampled_from(ROBOTS), BOXES, min_size=1), BOXES)
 def test_growing_maps_move_only_who_is_in_the_way_and_never_the_first(boxes: dict[str, Box], more: Box) -> None:
     before = lay_out({}, boxes, [])
@@ -47,6 +49,7 @@ def test_growing_maps_move_only_who_is_in_the_way_and_never_the_first(boxes: dic
             assert after[robot] == before[robot]
 
 
+@settings(deadline=None)
 @given(BOXES, BOXES, BOXES, st.floats(-60, 60), st.floats(-3.1, 3.1))
 def test_merged_robots_follow_the_receiver_and_go_aside_again_after_a_revert(
     a: Box, b: Box, c: Box, x_m: float, yaw_rad: float
