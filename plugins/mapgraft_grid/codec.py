@@ -27,7 +27,7 @@ from mapgraft_grid.traces import Pose
 _MAGIC: Final = b"MGGRID"
 _VERSION: Final = 1
 _LEVEL: Final = 3  # of zstd; part of the format, because it decides the bytes
-_MOST_BYTES: Final = 1 << 30  # of an unpacked layer: more than 65 000 tiles
+_MOST_BYTES: Final = 1 << 29  # of an unpacked layer: 65 000 tiles of up to 255 looks
 _MOST_TRACES: Final = 4096  # rays or poses per tile
 _HEAD: Final = struct.Struct("<3d 2i 2I 3d Q 2B H")
 _POSE: Final = struct.Struct("<Q 3q")

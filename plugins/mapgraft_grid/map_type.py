@@ -88,8 +88,8 @@ class OccupancyGrid:
         far_m = _within("max_range_m", max_range_m, 0.0, longest_m)
         self._reach_m = (far_m, min(far_m, _within("free_range_m", free_range_m, 0.0, longest_m)))
         self._limits = TraceLimits(
-            int(_within("rays_per_tile", rays_per_tile, 0, _MOST_TRACES)),
-            int(_within("poses_per_tile", poses_per_tile, 0, _MOST_TRACES)),
+            _whole("rays_per_tile", rays_per_tile, _MOST_TRACES),
+            _whole("poses_per_tile", poses_per_tile, _MOST_TRACES),
             math.radians(_within("beam_step_deg", beam_step_deg, 0.0, 360.0)),
             _within("path_step_m", path_step_m, 0.0, 1e6),
             math.radians(_within("path_step_deg", path_step_deg, 0.0, 360.0)),
@@ -253,6 +253,12 @@ def _within(name: str, value: float, least: float, most: float) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
         raise ConfigError(f"{name} of an occupancy grid must lie between {least:.6g} and {most:.6g}, found {value!r}")
     return value
+
+
+def _whole(name: str, value: int, most: int) -> int:
+    if not isinstance(value, int):
+        raise ConfigError(f"{name} of an occupancy grid must be a whole number, found {value!r}")
+    return int(_within(name, value, 0, most))
 
 
 def _grid(layer: Layer) -> GridLayer:

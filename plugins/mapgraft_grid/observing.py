@@ -13,14 +13,13 @@ from mapgraft_grid.grid_map import LARGEST_DENSE
 from mapgraft_grid.kernels import rays, sketch
 from mapgraft_grid.kernels.tile_keys import TILE, tile_key
 from mapgraft_grid.layer import FROM_SCANS, READY_MADE, GridLayer
-from mapgraft_grid.parameters import CELL_LIMIT, Lattice, SensorModel, Thresholds, in_fixed_point, log_odds
+from mapgraft_grid.parameters import CELL_LIMIT, LOG_ODDS_PER_NAT, Lattice, SensorModel, Thresholds, log_odds
 from mapgraft_grid.placing import place
 from mapgraft_grid.region import GridRegion
 from mapgraft_grid.tiles import Cell, TilePool
 
 _NO_BEAM_POSES: Final = np.zeros((0, 3))
 _MOST_LOOKS: Final = 1 << 31  # per layer, so that no count leaves uint32
-_LOOKED_UP: Final = 64  # counts tried for one value of a ready-made map
 _STRAIGHT: Final = 1e-9  # sine up to which a ready-made map is not turned
 
 CountTable = NDArray[np.uint32]  # (101, 2) hits and misses for the values 0 … 100
@@ -85,24 +84,27 @@ def count_table(model: SensorModel, thresholds: Thresholds) -> CountTable:
     Of all counts that keep the value's class (occupied, free, neither) those whose log-odds come nearest to the
     value's, clamped; of equals the fewest.
     """
-    h, m = (axis.ravel() for axis in np.mgrid[0:_LOOKED_UP, 0:_LOOKED_UP])
+    hits = np.arange(thresholds.clamp // model.l_hit + 3)
+    misses = np.arange(thresholds.clamp // -model.l_miss + 3)
+    # one of the two at most 1: more of both would say that the cell was seen differently at different times
+    h = np.concatenate((np.repeat(hits, 2), np.tile((0, 1), misses.size)))
+    m = np.concatenate((np.tile((0, 1), hits.size), np.repeat(misses, 2)))
     evidence = h * model.l_hit + m * model.l_miss
     table = np.empty((101, 2), np.uint32)
     for value in range(101):
         wanted = _evidence_of(value, thresholds)
         same = (evidence >= thresholds.occupied) == (wanted >= thresholds.occupied)
         same &= (evidence <= thresholds.free) == (wanted <= thresholds.free)
-        same &= np.minimum(h, m) <= 1  # more of both would say that the cell was seen differently at different times
-        cost = np.where(same, abs(evidence - wanted).astype(np.int64) * 1000 + h + m, np.iinfo(np.int64).max)
-        best = int(cost.argmin())
+        off = np.where(same, abs(evidence - wanted), np.inf)
+        best = int(np.lexsort((h + m, off))[0])
         table[value] = h[best], m[best]
     return table
 
 
-def _evidence_of(value: int, thresholds: Thresholds) -> int:
+def _evidence_of(value: int, thresholds: Thresholds) -> float:
     if value in (0, 100):
         return thresholds.clamp if value else -thresholds.clamp
-    return max(-thresholds.clamp, min(thresholds.clamp, in_fixed_point(log_odds(value / 100.0))))
+    return max(-thresholds.clamp, min(thresholds.clamp, log_odds(value / 100.0) * LOG_ODDS_PER_NAT))
 
 
 def _placed(

@@ -51,6 +51,8 @@ class Traces:
 
     def add_pose(self, T_map_base: Transform, number: int, lattice: Lattice) -> None:
         """Note where the body was at observation ``number``, unless it has hardly moved since the last pose kept."""
+        if not self.limits.poses_per_tile:
+            return
         steps = sketch.STEPS_PER_CELL / lattice.resolution_m
         matrix = T_map_base.matrix
         x = math.floor((matrix.item(0, 3) - lattice.anchor_m[0]) * steps)

@@ -226,12 +226,7 @@ def test_weights_must_be_what_they_say() -> None:
     one, keys = np.ones(2, np.uint8), np.array([3, 5], np.int64)
     assert TileWeights(keys, one * 2).of(np.array([1, 3, 4, 5, 9], np.int64)).tolist() == [1, 2, 1, 2, 1]
     assert TileWeights.plain().of(keys).tolist() == [1, 1]
-    for bad_keys, bad_counts in (
-        (keys[::-1].copy(), one),
-        (keys, one * 4),
-        (keys[:1], one),
-        (keys.astype(np.int32), one),
-    ):
+    for bad_keys, bad_counts in ((keys[::-1].copy(), one), (keys, one * 4), (keys[:1], one)):
         with pytest.raises(MapError, match="tile weights need"):
             TileWeights(bad_keys, bad_counts)
 
