@@ -8,7 +8,7 @@ import pytest
 
 from mapgraft.errors import OutputError
 from mapgraft.events import Event
-from mapgraft.outputs.read_back import read_events
+from mapgraft.outputs.read_back import read_attachment, read_events
 
 
 def test_a_cut_file_gives_the_events_before_the_cut(merge_file: Path, tmp_path: Path, events: list[Event]) -> None:
@@ -40,3 +40,12 @@ def test_other_files_are_said(tmp_path: Path) -> None:
         read_events(other)
     with pytest.raises(OutputError, match="cannot be read: No such file"):
         read_events(tmp_path / "missing.mcap")
+
+
+def test_the_configuration_can_be_taken_from_a_cut_file(merge_file: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap.partial"
+    cut.write_bytes(merge_file.read_bytes()[:5000])
+    for path in (merge_file, cut):
+        assert read_attachment(path, "config.yaml") == b"seed: 0\n"
+    with pytest.raises(OutputError, match=r"holds no attachment 'layout.json'"):
+        read_attachment(cut, "layout.json")

@@ -1,4 +1,4 @@
-"""Reading the events of a merge recording back, whole or left behind by a run that was killed."""
+"""Reading a merge recording back, whole or left behind by a run that was killed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import zstandard
 from mcap.exceptions import McapError
-from mcap.records import Channel, McapRecord, Message
+from mcap.records import Attachment, Channel, McapRecord, Message
 from mcap.stream_reader import StreamReader
 
 from mapgraft.errors import OutputError
@@ -32,6 +32,17 @@ def read_events(path: Path) -> list[Event]:
         elif isinstance(record, Message) and record.channel_id in channels:
             events.append(event_of(encoder.decode(MERGE_EVENT, record.data)))
     return events
+
+
+def read_attachment(path: Path, name: str) -> bytes:
+    """What was attached to a ``.merge.mcap`` or its ``.partial`` under a name, such as ``config.yaml``.
+
+    Raises OutputError when there is no such attachment, or as ``read_events`` does.
+    """
+    for record in _records(path):
+        if isinstance(record, Attachment) and record.name == name:
+            return record.data
+    raise OutputError(f"{path} holds no attachment {name!r}: give the .merge.mcap of an output folder")
 
 
 def _records(path: Path) -> Iterator[McapRecord]:
