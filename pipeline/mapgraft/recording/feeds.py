@@ -9,7 +9,7 @@ from mapgraft.errors import RecordingError
 from mapgraft.recording.clocks import EdgeName
 from mapgraft.recording.payloads import Read, poses_in
 from mapgraft.recording.poses import TreePoses
-from mapgraft.recording.rigid import pose7
+from mapgraft.recording.rigid import believable
 from mapgraft.recording.source import RawMessage, ReadFaults, Source
 from mapgraft.recording.tf import TransformBuffer
 from mapgraft.recording.trees import TfTopic
@@ -81,12 +81,11 @@ class Feed:
             return
         tf = self._tf.get(topic)
         for record in records:
-            if not record.valid:
-                self._faults.add(
-                    "pose_invalid", f"a pose at {record.stamp_ns / 1e9:.3f} s has no finite place or turn", topic=topic
-                )
+            pose = believable(record.xyz_m, record.xyzw)
+            if pose is None:
+                sentence = f"a pose at {record.stamp_ns / 1e9:.3f} s is not finite, or its quaternion has no length"
+                self._faults.add("pose_invalid", sentence, topic=topic)
                 continue
-            pose = pose7(record.xyz_m, record.xyzw)
             if tf is None:
                 parent, child = reading.pose_edge
                 by_log = reading.topic_by_log

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ from mapgraft.recording.decoding.records import PoseRecord
 from mapgraft.recording.decoding.scan_fields import stamp_ns
 from mapgraft.recording.decoding.scans import scan_payload
 from mapgraft.recording.poses import Placed
+from mapgraft.recording.quick_tf import QUICK_TYPES, transforms
 from mapgraft.recording.rigid import pose7
 from mapgraft.recording.source import CARMEN_LASER_SCAN, SCAN_TYPES, RawMessage, RecordedScan, ScanMessage, Source
 
@@ -95,10 +96,14 @@ class Payloads:
         return self._decoders[message_type]
 
 
-def poses_in(source: Source, read: Read) -> tuple[PoseRecord, ...]:
+def poses_in(source: Source, read: Read) -> Sequence[PoseRecord]:
     """The poses in a message of one of TF_TYPES or POSE_TYPES; raises RecordingError when it cannot be decoded."""
     if isinstance(read, RecordedScan):
         return ()
+    if read.channel.message_type in QUICK_TYPES:
+        quick = transforms(read.channel.encoding, read.data)
+        if quick is not None:
+            return quick
     return poses_of(read.channel.message_type, source.decode(read))
 
 

@@ -25,6 +25,17 @@ def pose7(xyz_m: tuple[float, float, float], xyzw: tuple[float, float, float, fl
     return (xyz_m[0], xyz_m[1], xyz_m[2], x * scale, y * scale, z * scale, w * scale)
 
 
+def believable(xyz_m: tuple[float, float, float], xyzw: tuple[float, float, float, float]) -> Pose7 | None:
+    """The pose with its quaternion normalised; None when a number is not finite or the quaternion has no length."""
+    x, y, z, w = xyzw
+    square = x * x + y * y + z * z + w * w
+    px, py, pz = xyz_m
+    if not 1e-12 <= square < math.inf or not math.isfinite(px + py + pz):
+        return None
+    scale = 1.0 / math.sqrt(square)
+    return (px, py, pz, x * scale, y * scale, z * scale, w * scale)
+
+
 def planar(x_m: float, y_m: float, yaw_rad: float) -> Pose7:
     return (x_m, y_m, 0.0, 0.0, 0.0, math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad))
 
