@@ -56,7 +56,7 @@ def map_type_of(name: str, kinds: Iterable[str], config: Config, workshop: Works
     inherited = default.parameters if default.type in (None, chosen) else {}
     parameters = {**inherited, **(own.parameters if own.type in (None, chosen) else {})}
     try:
-        return workshop.map_type(chosen, parameters or None)
+        return workshop.new_map_type(chosen, parameters)
     except ConfigError as error:
         raise ConfigError(f"robots.{name}.map: {error}") from None
 

@@ -6,6 +6,7 @@ import hashlib
 import io
 import platform
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,11 +19,13 @@ from mapgraft.assembly import assemble
 from mapgraft.config import Config, load_config, parse_config
 from mapgraft.contracts import Observation
 from mapgraft.decision import DecisionTable, build_table
-from mapgraft.errors import UsageError
+from mapgraft.errors import RecordingError, UsageError
 from mapgraft.events import Event, Sink, Snapshot
 from mapgraft.outputs.provenance import InputFile, RunProvenance, run_id_of
 from mapgraft.plugins import Plugins, load_plugins
+from mapgraft.remember import MISSION_FILE, remembered_text
 from mapgraft.replay import replay
+from mapgraft.robot import Robot
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -33,7 +36,12 @@ HAND_FIELDS = ("priors", "forbid", "verdicts")  # what persons say afterwards do
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What came of a run. ``maps`` holds every robot's last snapshot: ``maps["alpha"].fused.dense()`` for a grid."""
+    """What came of a run.
+
+    ``maps`` holds every robot's last snapshot: ``maps["alpha"].fused.dense()`` for a grid. ``traffic`` counts bytes per
+    (donor, receiver). ``start_ns`` is the mission's first stamp. ``lost`` says in sentences which observations could
+    not be used, and why.
+    """
 
     run_id: str
     folder: Path | None
@@ -41,6 +49,8 @@ class Result:
     maps: Mapping[str, Snapshot]
     observations: int
     traffic: Mapping[tuple[str, str], int]
+    start_ns: int = 0
+    lost: Sequence[str] = ()
 
     @property
     def events_table(self) -> pa.Table:
@@ -106,7 +116,8 @@ def run(
     before is on disk.
     """
     from mapgraft.outputs.run_folder import RunFolder
-    from mapgraft.recording.mission import open_mission
+    from mapgraft.recording.mission import nothing_to_map, open_mission
+    from mapgraft.recording.naming import stem
 
     if not files:
         files, demo_config = demo()
@@ -117,21 +128,40 @@ def run(
         table = build_table(plugins, checked.rules)
         provenance = provenance_of(paths, checked, plugins, table)
         run_id = run_id_of(replace(provenance, config_text=config_text(checked, without=HAND_FIELDS)))
-        folder = RunFolder(Path(out), paths[0], run_id, provenance) if out is not None else None
-        fan = Fan([*sinks, *([folder] if folder else [])])
-        try:
+        with ExitStack() as stack:
+            written: list[Sink] = []
+            if out is not None:
+                folder = RunFolder(Path(out), stem(paths[0]), run_id, provenance, checked.output.scans)
+                folder.keep(MISSION_FILE, remembered_text(paths, checked).encode())
+                written.append(stack.enter_context(folder))
+            fan = Fan([*sinks, *written])
             assembly = assemble(mission, checked, plugins, table, fan)
             count = replay(mission.observations(), assembly.robots, assembly.exchange, fan)
             if count == 0:
                 raise RecordingError(nothing_to_map(mission))
-        except BaseException:
-            if folder:
-                folder.abort()
-            raise
-        if folder:
-            folder.finish()
-    traffic: Traffic = assembly.exchange.traffic
-    return Result(run_id, folder.path if folder else None, assembly.history.events, fan.last, count, traffic.sent)
+        start_ns, lost = mission.start_ns, tuple(mission.tally.sentences())
+    return Result(
+        run_id=run_id,
+        folder=None if out is None else Path(out),
+        events=assembly.history.events,
+        maps=fan.last,
+        observations=count,
+        traffic=dict(assembly.exchange.traffic.sent),
+        start_ns=start_ns,
+        lost=lost,
+    )
+
+
+def map_alone(files: Sequence[Path], config: Config, plugins: Plugins, table: DecisionTable) -> Mapping[str, Robot]:
+    """The robots of a recording after their last observation, none of whom has met another."""
+    from mapgraft.outputs.null_sink import NullSink
+    from mapgraft.recording.mission import open_mission
+
+    with open_mission(files, config, plugins=plugins) as mission:
+        robots = assemble(mission, config, plugins, table, NullSink()).robots
+        for observation in mission.observations():
+            robots[observation.robot].observe(observation)
+    return robots
 
 
 def as_config(given: Config | Mapping[str, Any] | Path | str | None) -> Config:

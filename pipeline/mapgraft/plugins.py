@@ -160,7 +160,7 @@ class Plugins:
 
 
 def load_plugins(without: Collection[str] = ()) -> Plugins:
-    """All installed plugins, mapgraft's own first, then by their entry points' names; a broken one is noted and skipped.
+    """All installed plugins, mapgraft's own first, then by entry point; a broken one is noted and skipped.
 
     ``without`` names entry points to leave out. With MAPGRAFT_DISABLE_PLUGIN_AUTOLOAD set only mapgraft's own
     distribution is loaded.

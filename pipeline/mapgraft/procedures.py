@@ -76,12 +76,14 @@ class Workshop:
             )
         return self._made[rule.name]
 
-    def map_type(self, name: str, parameters: Mapping[str, object] | None = None) -> MapType:
-        """A map type with these parameters; without any, one that is shared by whoever asks."""
-        if parameters:
-            return cast("MapType", self._make("map type", name, parameters))
+    def new_map_type(self, name: str, parameters: Mapping[str, object]) -> MapType:
+        """A map type for one robot, with its parameters."""
+        return cast("MapType", self._make("map type", name, parameters))
+
+    def map_type(self, name: str) -> MapType:
+        """A map type without parameters that belongs to nobody: for decoding what others sent, and to meet in."""
         if name not in self._map_types:
-            self._map_types[name] = cast("MapType", self._make("map type", name, {}))
+            self._map_types[name] = self.new_map_type(name, {})
         return self._map_types[name]
 
     def conversion(self, source: str, target: str) -> Conversion:

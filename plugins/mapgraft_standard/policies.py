@@ -31,7 +31,7 @@ class At:
     """Everybody meets at the given ``seconds`` after the mission's first stamp, and at the end if wanted."""
 
     def __init__(self, *, seconds: Sequence[float] = (), at_end: bool = False) -> None:
-        if isinstance(seconds, str) or not all(math.isfinite(s) and s >= 0 for s in seconds):
+        if not all(isinstance(s, int | float) and math.isfinite(s) and s >= 0 for s in seconds):
             raise ConfigError(f"the exchange policy 'at' needs a list of seconds from 0 on, found {seconds}")
         if not seconds and not at_end:
             raise ConfigError("the exchange policy 'at' needs seconds, a list; without any nobody ever meets")

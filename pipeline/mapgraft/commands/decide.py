@@ -9,13 +9,14 @@ from itertools import permutations
 from pathlib import Path
 from typing import Any, cast, get_args
 
-from mapgraft.config import Config, ReversalName
+from mapgraft.config import ReversalName
 from mapgraft.console import cell, print_json, results
 from mapgraft.contracts import MapMetadata
 from mapgraft.decision import METADATA_FIELDS, DecisionTable, Ruling, Value, build_table, facts_of
 from mapgraft.errors import UsageError
+from mapgraft.job import as_config, map_alone
 from mapgraft.plugins import load_plugins
-from mapgraft.job import as_config
+from mapgraft.robot import Robot
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +53,7 @@ def explain(
     if question.own or question.other:
         answers = [_described(table, question)]
     elif files:
-        answers = list(_recorded(table, files, checked, without))
+        answers = list(_recorded(map_alone(files, checked, plugins, table), table))
     else:
         raise UsageError("name recordings, or describe two maps: --own type=occupancy_grid --other type=occupancy_grid")
     if as_json:
@@ -70,16 +71,13 @@ def _described(table: DecisionTable, question: Question) -> _Answer:
     return _Answer("own", "other", facts, table.choose(facts))
 
 
-def _recorded(table: DecisionTable, files: Sequence[Path], config: Config, without: Sequence[str]) -> Iterator[_Answer]:
+def _recorded(robots: Mapping[str, Robot], table: DecisionTable) -> Iterator[_Answer]:
     """Every ordered pair, with the maps as they are at the end of the recording."""
-    from mapgraft.job import Fan, mapped_robots
-
-    robots = mapped_robots(files, config, load_plugins(without), Fan([]))
+    metadata = {name: robot.map_type.metadata(robot.reversal.offered_layer()) for name, robot in robots.items()}
     for receiver, donor in permutations(sorted(robots), 2):
-        own, other = robots[receiver], robots[donor]
+        own = robots[receiver]
         prior = (receiver, donor) in own.hand.priors
-        metadata = [robot.map_type.metadata(robot.reversal.offered_layer()) for robot in (own, other)]
-        facts = facts_of(metadata[0], metadata[1], prior, own.reversal.name)
+        facts = facts_of(metadata[receiver], metadata[donor], prior, own.reversal.name)
         yield _Answer(receiver, donor, facts, table.choose(facts))
 
 

@@ -10,8 +10,8 @@ from mapgraft.commands.progress import ProgressSink
 from mapgraft.commands.summary import as_json_summary, print_summary
 from mapgraft.config import Config
 from mapgraft.console import cell, print_json, remarks
-from mapgraft.plugins import Plugins, load_plugins
 from mapgraft.job import Result, as_config, demo, run
+from mapgraft.plugins import Plugins, load_plugins
 
 __all__ = ["Overrides", "run_and_show"]
 

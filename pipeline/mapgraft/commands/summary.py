@@ -19,7 +19,7 @@ def print_summary(result: Result) -> None:
     console = results()
     merges = _merges(result.events)
     if merges:
-        console.print(_merge_table(merges))
+        console.print(_merge_table(merges, result.start_ns))
     console.print(_robot_table(result))
     standing = len(result.standing)
     if not standing:
@@ -27,6 +27,8 @@ def print_summary(result: Result) -> None:
     else:
         reverted = sum(event.kind == "reverted" for event in result.events)
         console.print(f"{standing} merge{'s' * (standing != 1)} standing, {reverted} reverted.")
+    for sentence in result.lost:
+        console.print(cell(sentence), style="yellow")
     if result.folder:
         console.print(cell(f"Written to {result.folder}"))
 
@@ -37,6 +39,7 @@ def as_json_summary(result: Result) -> dict[str, Any]:
         "run_id": result.run_id,
         "folder": str(result.folder) if result.folder else None,
         "observations": result.observations,
+        "lost": list(result.lost),
         "events": dict(Counter(event.kind for event in result.events)),
         "merges": [_as_json(events) for events in _merges(result.events)],
         "standing": sorted(result.standing),
@@ -57,24 +60,29 @@ def _merges(events: Sequence[Event]) -> list[list[Event]]:
     return [[event for event in events if event.merge_id == merge_id] for merge_id in made]
 
 
-def _merge_table(merges: Sequence[Sequence[Event]]) -> Table:
+def _merge_table(merges: Sequence[Sequence[Event]], start_ns: int) -> Table:
     table = Table(title="Merges", title_justify="left", box=None, header_style="bold", pad_edge=False)
-    for column, justify in (
-        ("merge", "left"),
-        ("at", "right"),
-        ("x, y, yaw of the donor", "right"),
-        ("outcome", "left"),
-    ):
-        table.add_column(column, justify="right" if justify == "right" else "left", no_wrap=column != "outcome")
-    start_ns = min(events[0].stamp_ns for events in merges)
+    table.add_column("merge", no_wrap=True)
+    table.add_column("made", justify="right", no_wrap=True)
+    table.add_column("donor at x, y, yaw", justify="right", no_wrap=True)
+    table.add_column("outcome")
     for events in merges:
-        first, last = events[0], _decisive(events)
+        last = _decisive(events)
         T = last.T_receiver_donor
-        pose = "" if T is None else f"{T.x_m:.2f} m, {T.y_m:.2f} m, {math.degrees(T.yaw_rad):.1f}°"
-        outcome = last.state + (f": {last.reason}" if last.kind in ("confirmed", "reverted") else "")
+        pose = "" if T is None else f"{T.x_m:.2f}, {T.y_m:.2f} m, {math.degrees(T.yaw_rad):.1f}°"
         style = {"reverted": "red", "confirmed": "green"}.get(last.state, "")
-        table.add_row(cell(first.merge_id), _seconds(first.stamp_ns - start_ns), pose, cell(outcome), style=style)
+        made = _seconds(events[0].stamp_ns - start_ns)
+        table.add_row(cell(events[0].merge_id), made, pose, cell(_outcome(last, start_ns)), style=style)
     return table
+
+
+def _outcome(last: Event, start_ns: int) -> str:
+    when = _seconds(last.stamp_ns - start_ns)
+    if last.state == "reverted":
+        return f"reverted at {when}: {last.reason}"
+    if last.state == "confirmed":
+        return f"confirmed at {when}" + (f" by {last.by}" if last.by.startswith("person") else "")
+    return "standing, not confirmed yet"
 
 
 def _robot_table(result: Result) -> Table:
