@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from mapgraft.run import run
+import mapgraft
 
 recording, config, out = (Path(argument) for argument in sys.argv[1:])
-result = run([recording], config, out)
+result = mapgraft.run([recording], config, out)
 for robot, snapshot in result.maps.items():
     if snapshot.map_type.name == "point_landmarks":
         cells = snapshot.fused.cells

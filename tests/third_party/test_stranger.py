@@ -172,17 +172,21 @@ def test_viewers_and_files_show_landmarks(outcomes: Outcomes) -> None:
     outcome = outcomes["ledger"]
     (file,) = outcome.folder.glob("*.merge.mcap")
     store = get_typestore(Stores.ROS2_HUMBLE)
-    sizes = []
+    sizes: dict[str, list[int]] = {"/ash/landmarks": [], "/ash/merged/landmarks": []}
     with file.open("rb") as stream:
-        for schema, channel, message in make_reader(stream).iter_messages(topics=["/ash/landmarks"]):
+        for schema, channel, message in make_reader(stream).iter_messages(topics=list(sizes)):
             assert schema is not None
             assert schema.name == "sensor_msgs/msg/PointCloud2"
             assert channel.message_encoding == "cdr"
             cloud = store.deserialize_cdr(message.data, schema.name)
             assert cloud.header.frame_id == "ash/map"
             assert len(cloud.data) == cloud.width * cloud.point_step
-            sizes.append(cloud.width)
-    assert len(sizes) >= 4
+            sizes[channel.topic].append(cloud.width)
+    own, merged = sizes.values()
+    assert own == sorted(own)  # it goes on mapping
+    assert own[-1] >= 15
+    assert max(merged) > own[-1]  # birch's landmarks were there, and are gone
+    assert merged[-1] < max(merged)
     assert len(outcome.file("ash.landmarks.csv").splitlines()) - 1 >= 15
     merged = outcome.file("ash.merged.landmarks.csv").splitlines()
     assert len(merged) >= len(outcome.file("ash.landmarks.csv").splitlines())

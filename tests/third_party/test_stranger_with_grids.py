@@ -24,13 +24,14 @@ def outcomes(replayed: Callable[..., Any], true_pose: TruePose) -> Outcomes:
         "map": {"type": "point_landmarks"},
         "robots": {"cedar": {"map": {"type": "occupancy_grid", "resolution_m": 0.1}}},
         "exchange": {"use": "at", "seconds": [40]},
+        "forbid": [["ash", "birch"]],  # their groves would be taken for one
         "priors": [{"receiver": "cedar", "donor": "ash", "x_m": T.x_m, "y_m": T.y_m, "yaw_rad": T.yaw_rad}],
     }
     revert = {"verdicts": [{"merge": "cedar.ash.1", "action": "revert", "by": "us", "reason": "to see"}]}
     configs = {
         "standing": common,
-        "never": {**common, "forbid": [["ash", "cedar"]]},
-        **{name: {**common, **revert, "reversal": name} for name in ("ledger", "multi_map", "single_map")},
+        "never": {**common, "forbid": [["ash", "birch"], ["ash", "cedar"]]},
+        **{name: {**common, **revert, "reversal": name} for name in ("ledger", "single_map")},
     }
     with ThreadPoolExecutor(PROCESSES) as pool:
         return dict(zip(configs, pool.map(replayed, configs.values()), strict=True))
@@ -54,16 +55,15 @@ def test_the_other_way_is_turned_away_with_the_reason_of_every_rule(outcomes: Ou
         assert reason in event["reason"]
 
 
-@pytest.mark.parametrize("reversal", ["ledger", "multi_map", "single_map"])
+@pytest.mark.parametrize("reversal", ["ledger", "single_map"])
 def test_a_person_takes_it_out_again(outcomes: Outcomes, reversal: str) -> None:
     reverted = outcomes[reversal].one("cedar.ash.1", "reverted")
     assert (reverted["reversal"], reverted["by"]) == (reversal, "person us")
     assert reverted["exact"] is (reversal != "single_map")
 
 
-@pytest.mark.parametrize("reversal", ["ledger", "multi_map"])
-def test_and_nothing_of_it_is_left(outcomes: Outcomes, reversal: str) -> None:
-    outcome, never = outcomes[reversal], outcomes["never"]
+def test_and_nothing_of_it_is_left(outcomes: Outcomes) -> None:
+    outcome, never = outcomes["ledger"], outcomes["never"]
     assert outcome.layer("cedar") == never.layer("cedar")
     assert outcome.file("cedar.pgm") == never.file("cedar.pgm")
     (end,) = [row for row in outcome.snapshots if row["robot"] == "cedar" and row["why"] == "end"]

@@ -50,13 +50,13 @@ def propose(target: Points, source: Points, tolerance_m: float, pair_min_m: floa
 
 def refine(target: Points, source: Points, pose: NDArray[np.float64], tolerance_m: float) -> Pairing:
     """The least-squares pose of mutually nearest landmarks within ``tolerance_m``, starting at twice that."""
-    reach = 2.0 * tolerance_m
+    reach, before = 2.0 * tolerance_m, np.empty(0, np.intp)
     for _ in range(_ROUNDS):
         a, b, _distances = mutual_pairs(target, moved(source, pose), reach)
-        if len(a) < 2:
+        pairs = a * len(source) + b
+        if len(a) < 2 or np.array_equal(pairs, before):
             break
-        pose = fitted(target[a], source[b])
-        reach = tolerance_m
+        pose, reach, before = fitted(target[a], source[b]), tolerance_m, pairs
     a, b, distances = mutual_pairs(target, moved(source, pose), tolerance_m)
     return Pairing(pose, a, b, distances)
 
