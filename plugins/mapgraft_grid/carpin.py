@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mapgraft.contracts import ConfigError, EmptyMapError, Map, MapError, Match, Points, Prior, Transform
 from mapgraft_grid.grid_map import OCCUPIED, UNKNOWN, DenseGrid, GridMap
-from mapgraft_grid.kernels.agreement import meet
+from mapgraft_grid.kernels.agreement import coincidences, meet
 from mapgraft_grid.kernels.coarsen import coarsen
 from mapgraft_grid.kernels.hough import axis_spectra, hough_spectrum
 
@@ -19,7 +19,9 @@ OTHER_YAW_RAD = math.radians(10.0)  # two hypotheses nearer than this in both ar
 OTHER_SHIFT_M = 2.5
 RIVAL_SHARE = 0.5  # of the coinciding occupied cells of the best: less is no rival
 PEAK_SEPARATION = 3  # cells between two peaks of an axis correlation
-SEARCH_CELLS = 20_000  # free cells of the source that the search looks at; the final tables count all
+SEARCH_WALLS = 4_000  # occupied cells of the source that choose among all shifts
+KEPT_SHIFTS = 25  # of each rotation, to be looked at more closely
+SEARCH_FREE = 5_000  # free cells of the source that measure the overlap there; the final tables count all
 SAME_RESOLUTION = 0.01  # relative difference up to which nothing is resampled
 
 
@@ -45,14 +47,16 @@ class Carpin:
     """Carpin's matcher for two occupancy grids: rotations from Hough spectra, translations from X- and Y-spectra.
 
     The two maps may differ in resolution: the finer one is viewed at the coarser one's before matching (occupied if any
-    fine cell is, free if at least half are). For each of the ``hypotheses`` best rotations, found on whole degrees and
-    interpolated between them, and with ``robust`` also one degree to either side, the ``peaks`` best shifts of both
-    axes are combined; ``peaks=1`` is the original method. Hypotheses that are the same place (within 10° and 2.5 m)
-    are one, represented by the pose with most coinciding occupied cells. The result is the acceptance indicator
-    ``ai`` = equal / (equal + different) over the jointly known cells, best first; hypotheses with less than half the
-    coinciding occupied cells of the best come after those and are no rivals in the margin. Poses where fewer than
-    ``overlap_min`` of the smaller map's known cells are jointly known are left out. Never a reflection; a prior is not
-    used; the method cannot tell a covariance.
+    fine cell is, free if at least half are). The ``hypotheses`` best rotations are found on whole degrees, interpolated
+    between them and, with ``robust``, tried one degree to either side too. For each, the ``peaks`` best shifts of both
+    axes are combined, and the combinations with most coinciding occupied cells looked at; ``peaks=1`` is the original
+    method. Poses where fewer than ``overlap_min`` of the smaller map's known cells are jointly known are left out.
+
+    Poses that are the same place (within 10° and 2.5 m) are one hypothesis, represented by the one with most coinciding
+    occupied cells. Its score is the acceptance indicator ``ai`` = equal / (equal + different) over the jointly known
+    cells. At most ``returned`` come back, best first; those with less than half the coinciding occupied cells of the
+    best come after the others and are no rivals in the margin. Never a reflection; a prior is not used; the method
+    cannot tell a covariance.
 
     Evidence: ``agreement``, ``disagreement``, ``overlap_cells``, ``occupied_agreement`` (cells of the working
     resolution ``resolution_m``) and ``hough_peak``.
@@ -65,7 +69,7 @@ class Carpin:
         *,
         hypotheses: int = 4,
         robust: bool = True,
-        peaks: int = 5,
+        peaks: int = 40,
         overlap_min: float = 0.1,
         returned: int = 4,
     ) -> None:
@@ -88,8 +92,9 @@ class Carpin:
         a, b = _sides(target, source)
         poses = self._poses(a, b)
         rivals, weaker = _distinct(poses, b)
-        ranked = sorted((_scored(a, b, pose) for pose in rivals), key=_by_score)
-        ranked += sorted((_scored(a, b, pose) for pose in weaker), key=_by_score)
+        known = _known(b)
+        ranked = sorted((_scored(a, *known, pose) for pose in rivals), key=_by_score)
+        ranked += sorted((_scored(a, *known, pose) for pose in weaker), key=_by_score)
         return [_with_margin(match, ranked, len(rivals)) for match in ranked[: self.returned]]
 
     def _poses(self, a: _Side, b: _Side) -> list[_Pose]:
@@ -105,13 +110,12 @@ class Carpin:
             for offset_deg in self.offsets_deg:
                 yaw = yaw_rad + math.radians(offset_deg)
                 moving = axis_spectra(centred[1], math.cos(yaw - axis_rad), math.sin(yaw - axis_rad), reach)
-                shifts = _shifts(still, _fourier(moving), self.peaks)
-                for x in shifts[0]:
-                    for y in shifts[1]:
-                        T = _compose(a.centre, b.centre, yaw, axis_rad, x * unit_m, y * unit_m)
-                        overlap, coincident = sample.meet(a, T)
-                        if coincident and overlap >= self.overlap_min * sample.smaller:
-                            poses.append(_Pose(T, hough_peak, coincident))
+                shifts = _combined(_shifts(still, _fourier(moving), self.peaks), axis_rad)
+                for shift in _most_coincident(a, centred[1], yaw, shifts) * unit_m:
+                    T = _compose(a.centre + shift, b.centre, yaw)
+                    overlap, coincident = sample.meet(a, T)
+                    if coincident and overlap >= self.overlap_min * sample.smaller:
+                        poses.append(_Pose(T, hough_peak, coincident))
         return poses
 
 
@@ -128,7 +132,7 @@ class _Sample(NamedTuple):
         points, classes = _known(source)
         smaller = min(int(np.count_nonzero(target.classes)), classes.size)
         occupied = classes == OCCUPIED
-        weight = max(1, (classes.size - int(occupied.sum())) // SEARCH_CELLS)
+        weight = max(1, (classes.size - int(occupied.sum())) // SEARCH_FREE)
         kept = np.concatenate((np.flatnonzero(occupied), np.flatnonzero(~occupied)[::weight]))
         return cls(np.ascontiguousarray(points[kept]), classes[kept], weight, smaller)
 
@@ -225,19 +229,30 @@ def _shifts(still: NDArray[np.complex128], moving: NDArray[np.complex128], count
     return out
 
 
-def _compose(
-    target_centre: NDArray[np.float64],
-    source_centre: NDArray[np.float64],
-    yaw_rad: float,
-    axis_rad: float,
-    x_m: float,
-    y_m: float,
-) -> Transform:
-    """Turn about the source's centre, shift along the target's walls, and set down at the target's centre."""
-    along, across = math.cos(axis_rad), math.sin(axis_rad)
+def _combined(shifts: list[list[float]], axis_rad: float) -> NDArray[np.float64]:
+    """Every shift along the target's walls with every one across them, (k, 2) in cells along the target's axes."""
+    along, across = (mesh.ravel() for mesh in np.meshgrid(*shifts, indexing="ij"))
+    c, s = math.cos(axis_rad), math.sin(axis_rad)
+    return np.stack((c * along - s * across, s * along + c * across), axis=1)
+
+
+def _most_coincident(
+    target: _Side, source: NDArray[np.float64], yaw_rad: float, shifts: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Those of the shifts (k, 2) that bring most occupied cells of the source, turned, onto such of the target."""
+    some = source[:: 1 + len(source) // SEARCH_WALLS]
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-    x = target_centre[0] + along * x_m - across * y_m - (c * source_centre[0] - s * source_centre[1])
-    y = target_centre[1] + across * x_m + along * y_m - (s * source_centre[0] + c * source_centre[1])
+    turned = some @ np.array([[c, s], [-s, c]]) + (target.centre - target.origin_m) / target.unit_m
+    counts = coincidences(target.classes, OCCUPIED, turned, shifts)
+    best: NDArray[np.float64] = shifts[np.argsort(-counts, kind="stable")[:KEPT_SHIFTS]]
+    return best
+
+
+def _compose(target_m: NDArray[np.float64], source_m: NDArray[np.float64], yaw_rad: float) -> Transform:
+    """The transform that turns, and brings the one point to the other."""
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    x = target_m[0] - (c * source_m[0] - s * source_m[1])
+    y = target_m[1] - (s * source_m[0] + c * source_m[1])
     return Transform.planar(float(x), float(y), yaw_rad)
 
 
@@ -258,8 +273,8 @@ def _same_place(a: _Pose, a_spot: Points, b: _Pose, b_spot: Points) -> bool:
     return turn <= OTHER_YAW_RAD and bool(np.hypot(*(a_spot - b_spot)[0]) <= OTHER_SHIFT_M)
 
 
-def _scored(target: _Side, source: _Side, pose: _Pose) -> Match:
-    table = _meet(target, pose.T, *_known(source))
+def _scored(target: _Side, points: Points, classes: NDArray[np.uint8], pose: _Pose) -> Match:
+    table = _meet(target, pose.T, points, classes)
     agreement = int(table[1, 1] + table[2, 2])
     disagreement = int(table[1, 2] + table[2, 1])
     overlap = agreement + disagreement

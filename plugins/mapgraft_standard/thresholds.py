@@ -50,7 +50,7 @@ class Thresholds:
         metrics: Mapping[str, Any] | None = None,
         patience: int = 3,
         confirm_after: int = 50,
-        new_support: float = 0.2,
+        new_support: float = 0.1,
         reversals: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> None:
         common = {

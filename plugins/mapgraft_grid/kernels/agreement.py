@@ -37,6 +37,27 @@ def meet(
 
 
 @njit(cache=True)
+def coincidences(
+    target: NDArray[np.uint8], wanted: int, points: NDArray[np.float64], shifts: NDArray[np.float64]
+) -> NDArray[np.int64]:
+    """How many of the points fall on target cells of class ``wanted``, for each of k shifts.
+
+    ``target`` (h, w) classes; ``points`` (n, 2) and ``shifts`` (k, 2) in the target's cells, as in ``meet``.
+    """
+    out = np.zeros(shifts.shape[0], np.int64)
+    height, width = target.shape
+    for k in range(shifts.shape[0]):
+        count = 0
+        for i in range(points.shape[0]):
+            x = math.floor(points[i, 0] + shifts[k, 0])
+            y = math.floor(points[i, 1] + shifts[k, 1])
+            if 0 <= x < width and 0 <= y < height and target[y, x] == wanted:
+                count += 1
+        out[k] = count
+    return out
+
+
+@njit(cache=True)
 def tile_tables(
     target: NDArray[np.int16],
     donor: NDArray[np.int16],

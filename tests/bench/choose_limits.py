@@ -1,0 +1,107 @@
+"""How score, margin, SM and DM of Carpin's best hypothesis lie for right and wrong ones, on simulated maps.
+
+    python tests/bench/choose_limits.py
+
+Two robots map one floor, or two different floors, each in a frame of its own. Right is a hypothesis within 0.5 m and
+5 degrees of the truth. Printed are quantiles, and what the default decision table makes of the hypotheses.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from simulated_missions import in_frame, map_of, missions
+
+from mapgraft.contracts import Candidate, Match, Measurement, Step, Transform
+from mapgraft.decision import parse_rules
+from mapgraft_grid.carpin import Carpin
+from mapgraft_grid.distance import Distance
+from mapgraft_grid.grid_map import GridMap
+from mapgraft_grid.layer import GridLayer
+from mapgraft_grid.map_type import OccupancyGrid
+from mapgraft_grid.quality import MODEL_FILE
+from mapgraft_grid.similarity import Similarity
+from mapgraft_standard.acceptance import Thresholds
+
+SEED, WORLDS = 20_260_103, 60
+RESOLUTIONS_M = ((0.05, 0.05), (0.07, 0.07), (0.07, 0.1), (0.1, 0.07), (0.05, 0.1))
+RIGHT_M, RIGHT_RAD = 0.5, math.radians(5.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """Own map against placed donor, as a metric sees them before a merge."""
+
+    map_type: OccupancyGrid
+    target: GridMap
+    target_layer: GridLayer
+    donor: GridMap
+    donor_layer: GridLayer
+    T_receiver_donor: Transform
+    subject: Literal["own", "merged"] = "own"
+
+
+def candidate(grids: OccupancyGrid, layer: GridLayer, own: GridMap, donor: GridLayer, match: Match) -> Candidate:
+    T = match.T_receiver_donor.snapped()
+    placed = grids.place(donor, T)
+    compared = Compared(grids, own, layer, grids.view(placed), placed, T)
+    measured: list[Measurement] = [m.track(compared).update(Step()) for m in (Similarity(), Distance())]
+    return Candidate(match, {m.name: m for m in measured})
+
+
+def main() -> None:
+    table = {rule.name: rule for rule in parse_rules((MODEL_FILE.parent / "rules.yaml").read_text(), "of the package")}
+    acceptor = Thresholds(**table["grids of any resolution"].procedure.accept.parameters)
+    rows: dict[str, list[list[float]]] = {"right": [], "wrong": [], "unrelated": []}
+    verdicts: dict[str, dict[str, int]] = {kind: {} for kind in rows}
+    for number in range(WORLDS):
+        rng = np.random.default_rng([SEED, number])
+        scans = int(rng.integers(30, 120))
+        own_scans, donor_scans = missions(rng, 2, scans)
+        strange = missions(rng, 1, scans)[0]
+        own_m, donor_m = RESOLUTIONS_M[number % len(RESOLUTIONS_M)]
+        T_world_donor = Transform.planar(*rng.uniform(-5, 5, 2).tolist(), rng.uniform(-math.pi, math.pi))
+        grids, layer, own = map_of(own_scans, own_m)
+        for related, theirs in ((True, donor_scans), (False, strange)):
+            _, donor, view = map_of(in_frame(T_world_donor.inverse(), theirs), donor_m)
+            made = [candidate(grids, layer, own, donor, match) for match in Carpin().match(own, view)]
+            if not made:
+                continue
+            best = made[0]
+            kind = _kind(best.match.T_receiver_donor, T_world_donor, donor_scans) if related else "unrelated"
+            similarity, distance = best.measurements["similarity"], best.measurements["distance"]
+            rows[kind].append(
+                [
+                    best.match.score,
+                    best.match.margin,
+                    similarity.value,
+                    distance.value / distance.details["limit"],
+                    distance.details["metres"],
+                    similarity.details["overlap_m2"],
+                    similarity.details["occupied_agreement"] * own_m,
+                    similarity.details["kappa"],
+                ]
+            )
+            verdict = acceptor.accept(made).verdict
+            verdicts[kind][verdict] = verdicts[kind].get(verdict, 0) + 1
+    names = ("score", "margin", "similarity", "distance/limit", "distance m", "overlap m2", "equal wall m", "kappa")
+    for kind, values in rows.items():
+        print(f"{kind}: {len(values)}, verdicts {verdicts[kind]}")
+        for name, column in zip(names, np.array(values).T, strict=True):
+            quantiles = np.nanquantile(np.minimum(column, 1e6), [0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0])
+            print(f"  {name:14}", " ".join(f"{q:9.3g}" for q in quantiles))
+
+
+def _kind(found: Transform, truth: Transform, scans: list) -> str:
+    spots = np.array([o.T_map_base.matrix[:2, 3] for o in scans])
+    here = truth.inverse().apply(spots)
+    off = np.hypot(*(found.apply(here) - spots).T).mean()
+    turn = abs(math.remainder(found.yaw_rad - truth.yaw_rad, 2 * math.pi))
+    return "right" if off <= RIGHT_M and turn <= RIGHT_RAD else "wrong"
+
+
+if __name__ == "__main__":
+    main()
