@@ -132,7 +132,7 @@ class Robot:
             self.journal.changed("confirmed", stamp_ns, merge, said, by)
 
     def _update(self, merge: Merge, offered: Provenance, fetch: Fetch, stamp_ns: int) -> None:
-        """Put the donor's newer layer in the place of the older one, at the same transform."""
+        """Put the donor's newer layer in the place of the older one, at the same transform, and look at it again."""
         if offered == merge.provenance or self.reversal.name == "single_map":  # which cannot tell the donor's share
             return
         data = fetch()
@@ -140,6 +140,7 @@ class Robot:
         self.reversal.replace(merge.merge_id, grafted.contribution)
         merge.replace(grafted.contribution.provenance, grafted.comparison)
         self.journal.changed("updated", stamp_ns, merge, "the donor has gone on mapping", "exchange", size=len(data))
+        self.verify(merge, stamp_ns, everything=True)
 
     def verify(self, merge: Merge, stamp_ns: int, everything: bool = False) -> None:
         """Measure a standing merge, let the verifier judge it when all it looks at was measured, and do as it says."""

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
+from rich.console import Console
 from rich.table import Table
 
 from mapgraft.console import cell, results
@@ -15,11 +16,11 @@ from mapgraft.job import Result
 
 
 def print_summary(result: Result) -> None:
-    """Three short tables: what happened to every merge, what every robot has, and where it was written."""
+    """What became of every merge, what every robot has, what was left out, and where it was written."""
     console = results()
     merges = _merges(result.events)
-    if merges:
-        console.print(_merge_table(merges, result.start_ns))
+    for events in merges:
+        _print_merge(console, events, result.start_ns)
     console.print(_robot_table(result))
     standing = len(result.standing)
     if not standing:
@@ -60,20 +61,14 @@ def _merges(events: Sequence[Event]) -> list[list[Event]]:
     return [[event for event in events if event.merge_id == merge_id] for merge_id in made]
 
 
-def _merge_table(merges: Sequence[Sequence[Event]], start_ns: int) -> Table:
-    table = Table(title="Merges", title_justify="left", box=None, header_style="bold", pad_edge=False)
-    table.add_column("merge", no_wrap=True)
-    table.add_column("made", justify="right", no_wrap=True)
-    table.add_column("donor at x, y, yaw", justify="right", no_wrap=True)
-    table.add_column("outcome")
-    for events in merges:
-        last = _decisive(events)
-        T = last.T_receiver_donor
-        pose = "" if T is None else f"{T.x_m:.2f}, {T.y_m:.2f} m, {math.degrees(T.yaw_rad):.1f}°"
-        style = {"reverted": "red", "confirmed": "green"}.get(last.state, "")
-        made = _seconds(events[0].stamp_ns - start_ns)
-        table.add_row(cell(events[0].merge_id), made, pose, cell(_outcome(last, start_ns)), style=style)
-    return table
+def _print_merge(console: Console, events: Sequence[Event], start_ns: int) -> None:
+    """Two lines: which merge, when and where; and what became of it."""
+    last = _decisive(events)
+    T = last.T_receiver_donor
+    pose = "" if T is None else f", {last.donor} at {T.x_m:.2f} m, {T.y_m:.2f} m, {math.degrees(T.yaw_rad):.1f}°"
+    style = {"reverted": "red", "confirmed": "green"}.get(last.state, "yellow")
+    console.print(cell(f"{events[0].merge_id}  made at {_seconds(events[0].stamp_ns - start_ns)}{pose}"))
+    console.print(cell(f"  {_outcome(last, start_ns)}"), style=style)
 
 
 def _outcome(last: Event, start_ns: int) -> str:
@@ -86,8 +81,8 @@ def _outcome(last: Event, start_ns: int) -> str:
 
 
 def _robot_table(result: Result) -> Table:
-    table = Table(title="Robots", title_justify="left", box=None, header_style="bold", pad_edge=False)
-    for column in ("robot", "observations", "own map", "merged from", "received"):
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for column in ("robot", "observations", "own map", "received", "merged from"):
         table.add_column(column, justify="left" if column in ("robot", "merged from") else "right")
     for name, snapshot in sorted(result.maps.items()):
         donors = [event.donor for event in result.standing.values() if event.receiver == name]
@@ -96,8 +91,8 @@ def _robot_table(result: Result) -> Table:
             cell(name),
             f"{snapshot.version:,}",
             f"{snapshot.metadata.known_area_m2:,.0f} m²",
-            cell(", ".join(sorted(donors)) or "nobody"),
             f"{received / 1000:,.0f} kB",
+            cell(", ".join(sorted(donors)) or "nobody"),
         )
     return table
 
