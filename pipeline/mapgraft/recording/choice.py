@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from mapgraft.config import PosesConfig
-from mapgraft.errors import ConfigError
+from mapgraft.contracts import GRID_MESSAGE, ConfigError
 from mapgraft.recording.decoding.poses import CARMEN_MAP, CARMEN_ODOM
 from mapgraft.recording.frames import Drift, Roles, roles_of
 from mapgraft.recording.glimpse import Glimpse, SeenPayload, SeenPoses
-from mapgraft.recording.naming import is_map, is_odom, is_wish, is_world
+from mapgraft.recording.naming import is_base, is_map, is_odom, is_wish, is_world
 from mapgraft.recording.rigid import angle_of, compose, inverse
 from mapgraft.recording.source import CARMEN_LASER_SCAN, CARMEN_ODOMETRY
 from mapgraft.recording.trees import Tree, tree_of
@@ -66,6 +66,8 @@ def choose_poses(
     tree = tree_of(own, other, namespace, frames, config.prefix)
     sensors = {payload.topic: _in_tree(payload.frame, tree, namespace, config) for payload in payloads}
     ask = _Question(own, other, tuple(payloads), tree, sensors, config)
+    if all(payload.kind == GRID_MESSAGE for payload in payloads):
+        return _of_body(ask)
     if config.topic is not None:
         return _by_topic(ask, _configured_topic(ask, config.topic))
     if other is not None and not tree.other:
@@ -132,6 +134,16 @@ def _tree_of_any_kind(ask: _Question) -> PosePlan | None:
     where = f" of {ask.other.source.path.name}" if ask.other is not None else ""
     text = f"tf{where} ({way}): {DRIFT_TEXT[roles.drift]}"
     return PosePlan("tree", roles.drift, text, ask.tree, ask.sensors, roles.map_frame, base)
+
+
+def _of_body(ask: _Question) -> PosePlan:
+    """For a ready map, which needs no pose itself: where the robot's body was in it, if the tree tells."""
+    frames = ask.tree.frames
+    for map_frame in ask.sensors.values():
+        for frame in frames.linked(map_frame) if map_frame in frames else ():
+            if is_base(frame) and frames.path(map_frame, frame):
+                return PosePlan("tree", "none", "", ask.tree, ask.sensors, map_frame, frame)
+    return PosePlan("none", "none", "", ask.tree, ask.sensors)
 
 
 def _between(ask: _Question, upper: str, lower: str) -> list[str]:
@@ -254,7 +266,7 @@ def _why_none(ask: _Question) -> str:
     """Why the poses of these payloads cannot be found, in a clause."""
     frames = ask.tree.frames
     if not frames.names() and not ask.topics:
-        return "the recording holds neither transforms nor poses"
+        return "the recording holds neither transforms nor poses; name a file that does with poses.file"
     for frame in ask.sensors.values():
         if frame not in frames:
             known = ", ".join(frames.names()[:_NAMES_SHOWN]) or "none"

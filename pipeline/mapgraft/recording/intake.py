@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mapgraft.contracts import GRID_MESSAGE, Observation, RecordingError, Scan
 from mapgraft.recording.clocks import INDEX_STEP_NS
 from mapgraft.recording.feeds import PoseFile
@@ -24,11 +27,15 @@ _IN_PLACE = Placed(IDENTITY, IDENTITY)
 
 
 class Limits(NamedTuple):
-    """Which observations are wanted: ``start_ns`` included, ``end_ns`` excluded on the mission's timeline."""
+    """Which observations are wanted: ``start_ns`` included, ``end_ns`` excluded on the mission's timeline.
+
+    With ``places_only`` they come without their payloads, which saves decoding them.
+    """
 
     start_ns: int | None = None
     end_ns: int | None = None
     every: int = 1
+    places_only: bool = False
 
 
 class Waiting(NamedTuple):
@@ -202,20 +209,27 @@ class Intake:
 
     def _payload(self, topic: _Topic, waiting: Waiting, placed: Placed) -> object:
         """The payload; of a scan in motion with its beams placed, or why they cannot be."""
-        payload = waiting.opened.content()
-        if not isinstance(payload, Scan) or self._poses is None or not waiting.opened.sweep_ns:
+        opened = waiting.opened
+        beams = self._beams(topic, waiting, placed) if opened.sweep_ns and self._poses is not None else None
+        if isinstance(beams, Missing):
+            return beams
+        if self._limits.places_only:
+            return None
+        payload = opened.content()
+        if beams is None or not isinstance(payload, Scan):
             return payload
+        return Scan(payload.directions, payload.ranges_m, payload.hits, beams)
+
+    def _beams(self, topic: _Topic, waiting: Waiting, placed: Placed) -> NDArray[np.float64] | Missing | None:
+        """Where the sensor was at each beam; None where it stood still or the beams' times cannot be true."""
         sweep_ns = _sweep(waiting.opened)
         if not sweep_ns:
             topic.tally.sweeps_ignored += 1
-            return payload
+            return None
         last = self._place(topic, waiting._replace(robot_ns=waiting.robot_ns + sweep_ns))
         if isinstance(last, Missing):
             return last
-        beams = beams_in_motion(placed.T_map_sensor, last.T_map_sensor, len(payload.ranges_m))
-        if beams is None:
-            return payload
-        return Scan(payload.directions, payload.ranges_m, payload.hits, beams)
+        return beams_in_motion(placed.T_map_sensor, last.T_map_sensor, waiting.opened.beams)
 
 
 def _sweep(opened: Opened) -> int:

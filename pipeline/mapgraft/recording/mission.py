@@ -17,10 +17,12 @@ from mapgraft.recording.frames import Drift
 from mapgraft.recording.glimpse import Glimpse
 from mapgraft.recording.intake import Limits
 from mapgraft.recording.library import Library
+from mapgraft.recording.payloads import POSE_TYPES, TF_TYPES
 from mapgraft.recording.plan import RobotPlan
 from mapgraft.recording.rigid import Pose7, from_transform, inverse, levelled, to_transform
 from mapgraft.recording.roster import MapFile, Roster, call_roll
-from mapgraft.recording.source import Fault, ReadFaults, Source
+from mapgraft.recording.smear import odometry_plan
+from mapgraft.recording.source import Fault, ReadFaults
 from mapgraft.recording.stream import Member, Stream
 from mapgraft.recording.tally import Tally
 from mapgraft.recording.timeline import shifts
@@ -37,8 +39,8 @@ class RobotSource:
 
     ``source`` is its name as discovered; ``kinds`` are the payload kinds it observes; ``poses`` says in words where its
     poses come from and ``drift`` how such poses err. ``start_ns`` and ``end_ns`` are its first and last recorded
-    stamps, ``shift_ns`` is added to them on the timeline. ``count`` is the number of recorded payloads, None where
-    only reading could tell.
+    stamps, ``shift_ns`` is added to them on the timeline. ``count`` is the number of recorded payloads (in a
+    window, its share of them by time), None where only reading could tell.
     """
 
     name: str
@@ -99,10 +101,20 @@ class Mission:
         return tuple(sorted(sources, key=lambda source: self._order[source.name]))
 
     @property
-    def faults(self) -> list[Fault]:
-        """What was lost or odd in the files as far as they were read."""
-        faults = [fault for source in self._sources() for fault in source.faults]
-        return [*faults, *self._faults]
+    def faults(self) -> list[tuple[str, Fault]]:
+        """What was lost or odd as far as the files were read, each with the name of its file."""
+        faults = [(g.source.path.name, fault) for g in self.all_glimpses for fault in g.source.faults]
+        return [*faults, *(("the poses", fault) for fault in self._faults)]
+
+    @property
+    def all_glimpses(self) -> tuple[Glimpse, ...]:
+        """All recordings, those that are there for their poses included, each once."""
+        used = [g for plan in self._plans for g in (*plan.glimpses, plan.pose_file) if g is not None]
+        return tuple({g.source.path: g for g in (*self.glimpses, *used)}.values())
+
+    def readers_of(self, path: Path, topic: str) -> tuple[str, ...]:
+        """The robots that read a topic of a file, for payloads or for poses."""
+        return tuple(plan.name for plan in self._plans if topic in plan.topics_of(path))
 
     def observations(self) -> Iterator[Observation]:
         """All observations of all robots in time order; each call reads the files anew and begins a new tally.
@@ -110,8 +122,26 @@ class Mission:
         Ties go by the robots' names, then by topic and order of recording. Raises RecordingError when a file cannot be
         read any more.
         """
+        return self._observations(self._limits())
+
+    def places(self) -> Iterator[Observation]:
+        """The observations without their payloads: when and where they were made; quicker."""
+        return self._observations(self._limits()._replace(places_only=True))
+
+    def odometry(self) -> Iterator[Observation]:
+        """As ``places``, by raw odometry instead of the poses that are used, for those robots that have both."""
+        plans = [other for plan in self._plans if (other := odometry_plan(plan)) is not None]
+        limits, tally, faults = self._limits()._replace(places_only=True), Tally(), ReadFaults()
+        return heapq.merge(
+            *(
+                Stream([self._member(plan)], self._library.payloads, limits, tally, faults).observations()
+                for plan in plans
+            ),
+            key=lambda seen: seen.stamp_ns,
+        )
+
+    def _observations(self, limits: Limits) -> Iterator[Observation]:
         self.tally, self._faults = Tally(), ReadFaults()
-        limits = self._limits()
         streams = [
             Stream(members, self._library.payloads, limits, self.tally, self._faults).observations()
             for members in self._passes()
@@ -173,11 +203,6 @@ class Mission:
         still = Transform.identity()
         return Observation(file.name, stamp_ns, stamp_ns, file.path.name, file.kind, file.payload, still, still)
 
-    def _sources(self) -> list[Source]:
-        """All recordings that robots are read from, each once."""
-        glimpses = [g for plan in self._plans for g in (*plan.glimpses, plan.pose_file) if g is not None]
-        return list({g.source.path: g.source for g in (*self.glimpses, *glimpses)}.values())
-
 
 def open_mission(paths: Sequence[Path], config: Config, *, plugins: Plugins | None = None) -> Mission:
     """Find the robots in some files and make them one mission.
@@ -210,15 +235,18 @@ def nothing_found(roster: Roster) -> str:
     if reasons:
         return f"nothing to map: {'; '.join(reasons)}"
     held = "; ".join(f"{g.source.path.name} holds {_held(g)}" for g in roster.glimpses) or "no file was given"
-    return f"nothing to map: no scans and no maps: {held}: record a LaserScan or OccupancyGrid topic"
+    return (
+        f"nothing to map: {held}, but no scans and no maps that can be read: record a LaserScan or OccupancyGrid topic"
+    )
 
 
 def _held(g: Glimpse) -> str:
-    channels = [f"{c.topic} ({c.message_type})" for c in g.source.channels if c.count != 0]
-    shown = ", ".join(channels[:_SHOWN]) + (
-        f" and {len(channels) - _SHOWN} more topics" if len(channels) > _SHOWN else ""
-    )
-    return shown or "no messages"
+    topics = {c.topic: c.message_type for c in g.source.channels if c.count != 0}
+    poses = [topic for topic, name in topics.items() if name in TF_TYPES | POSE_TYPES]
+    others = [f"{topic} ({name})" for topic, name in topics.items() if topic not in poses]
+    held = [f"poses ({', '.join(poses[:_SHOWN])})"] if poses else []
+    held += [*others[:_SHOWN], *([f"{len(others) - _SHOWN} more topics"] if len(others) > _SHOWN else [])]
+    return ", ".join(held) or "no messages"
 
 
 def _names(roster: Roster) -> Iterator[str]:
@@ -227,7 +255,7 @@ def _names(roster: Roster) -> Iterator[str]:
 
 
 def _described(plan: RobotPlan, shift_ns: int) -> RobotSource:
-    counts = [seen.channel.count for seen in plan.payloads]
+    counts = [_count(plan, seen.topic) for seen in plan.payloads]
     still = "none needed: ready maps in their own frame"
     return RobotSource(
         name=plan.name,
@@ -246,6 +274,17 @@ def _described(plan: RobotPlan, shift_ns: int) -> RobotSource:
         count=None if None in counts else sum(count or 0 for count in counts),
         remarks=plan.remarks,
     )
+
+
+def _count(plan: RobotPlan, topic: str) -> int | None:
+    """How many messages of a topic there are in all files of a robot; in a window, its share by time."""
+    counts = [c.count for g in plan.glimpses for c in g.source.channels if c.topic == topic]
+    total = None if None in counts else sum(count or 0 for count in counts)
+    spans = [(g.source.start_ns, g.source.end_ns) for g in plan.glimpses]
+    if total is None or plan.window is None or not all(a is not None and b is not None for a, b in spans):
+        return total
+    whole_ns = sum((b or 0) - (a or 0) for a, b in spans)
+    return min(total, round(total * (plan.range.last_ns - plan.range.first_ns) / max(whole_ns, 1)))
 
 
 def _described_file(file: MapFile, start_ns: int) -> RobotSource:

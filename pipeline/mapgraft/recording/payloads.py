@@ -42,7 +42,7 @@ Decoder = Callable[[Any], object]
 class Opened(NamedTuple):
     """A payload's message as far as its pose needs it: when, in which frame, and how long the sweep took.
 
-    ``sweep_ns`` is the time from the first to the last beam, negative where beams are fired in reverse order.
+    ``sweep_ns`` is the time from the first to the last of ``beams``, negative where they are fired in reverse order.
     ``T_frame_sensor`` is where the sensor sits in its frame (None: in its origin); ``placed`` is the pose that the
     message itself brings along, as CARMEN's scans do.
     """
@@ -50,6 +50,7 @@ class Opened(NamedTuple):
     stamp_ns: int
     frame: str
     sweep_ns: int
+    beams: int
     T_frame_sensor: Transform | None
     placed: Placed | None
     content: Callable[[], object]
@@ -88,7 +89,7 @@ class Payloads:
         except (AttributeError, TypeError, ValueError) as error:
             raise RecordingError(f"a message of type {message_type} has no header ({error})") from error
         decode = grid_payload if message_type in GRID_TYPES else self._decoder(message_type)
-        return Opened(stamp, frame, 0, None, None, partial(_decoded, decode, message, message_type))
+        return Opened(stamp, frame, 0, 0, None, None, partial(_decoded, decode, message, message_type))
 
     def _decoder(self, message_type: str) -> Decoder:
         if message_type not in self._decoders:
@@ -108,9 +109,11 @@ def poses_in(source: Source, read: Read) -> Sequence[PoseRecord]:
 
 
 def _opened_scan(scan: ScanMessage, placed: Placed | None) -> Opened:
-    sweep_s = scan.time_increment_s * (len(scan.ranges_m) - 1)
+    beams = len(scan.ranges_m)
+    sweep_s = scan.time_increment_s * (beams - 1)
     sweep_ns = round(sweep_s * 1e9) if abs(sweep_s) < _NONSENSE_S else round(_NONSENSE_S * 1e9)  # NaN is nonsense too
-    return Opened(scan.stamp_ns, scan.frame_id, sweep_ns, scan.T_frame_sensor, placed, partial(scan_payload, scan))
+    content = partial(scan_payload, scan)
+    return Opened(scan.stamp_ns, scan.frame_id, sweep_ns, beams, scan.T_frame_sensor, placed, content)
 
 
 def _own_place(source: Source, read: RawMessage) -> Placed | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import NamedTuple
 
 from mapgraft.config import RobotConfig, WindowConfig
@@ -57,6 +58,19 @@ class RobotPlan:
     def ready_maps(self) -> bool:
         """Whether the robot is mapped from ready-made maps."""
         return self.payloads[0].kind == GRID_MESSAGE
+
+    def topics_of(self, path: Path) -> frozenset[str]:
+        """The topics of a file that are read for this robot."""
+        poses, topics = self.poses, set[str]()
+        if any(g.source.path == path for g in self.glimpses):
+            topics |= {seen.topic for seen in self.payloads}
+            if poses.method == "tree":
+                topics |= {tf.topic for tf in poses.tree.own}
+                topics |= {poses.topic.topic} if poses.topic is not None and not poses.from_file else set()
+        if self.pose_file is not None and self.pose_file.source.path == path and poses.method == "tree":
+            topics |= {tf.topic for tf in poses.tree.other}
+            topics |= {poses.topic.topic} if poses.topic is not None and poses.from_file else set()
+        return frozenset(topics)
 
 
 class Unmappable(NamedTuple):

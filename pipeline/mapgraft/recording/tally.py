@@ -74,9 +74,10 @@ class Tally:
     def __iter__(self) -> Iterator[TopicTally]:
         return iter(self.topics.values())
 
-    def used(self, robot: str) -> int:
-        """How many observations a robot made."""
-        return sum(topic.used for topic in self if topic.robot == robot)
+    def of_robot(self, robot: str) -> tuple[int, int]:
+        """How many payloads of a robot were read, and how many became observations."""
+        topics = [topic for topic in self if topic.robot == robot]
+        return sum(topic.read for topic in topics), sum(topic.used for topic in topics)
 
     def sentences(self) -> list[str]:
         """What a person should know: one sentence per robot, topic and cause."""

@@ -282,7 +282,7 @@ class TransformBuffer:
         return Missing(
             "two_parents",
             f"{child!r} hangs on both {first!r} and {second!r}, so that {source!r} has two places in {target!r}: "
-            "leave one of them out of the recording",
+            "choose with poses.map_frame, poses.topic or poses.file",
         )
 
 
