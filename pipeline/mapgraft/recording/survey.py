@@ -11,9 +11,9 @@ import numpy as np
 from mapgraft.config import Config
 from mapgraft.contracts import Observation
 from mapgraft.plugins import Plugins
-from mapgraft.recording.glimpse import Glimpse
 from mapgraft.recording.mission import Mission, RobotSource, open_mission
-from mapgraft.recording.rigid import from_transform
+from mapgraft.recording.poses.rigid import from_transform
+from mapgraft.recording.robots.glimpse import Glimpse
 from mapgraft.recording.smear import SMEAR_TEXT, Disagreement, Track, disagreement
 
 S = 1_000_000_000

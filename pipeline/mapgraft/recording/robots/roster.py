@@ -9,11 +9,11 @@ from pathlib import Path
 
 from mapgraft.config import Config, RobotConfig
 from mapgraft.contracts import ConfigError, RecordingError
-from mapgraft.recording.discovery import FoundRobot, discover
-from mapgraft.recording.glimpse import Glimpse
-from mapgraft.recording.library import Library
 from mapgraft.recording.naming import robot_name, stem, told_apart
-from mapgraft.recording.plan import RobotPlan, Unmappable, plan_robot
+from mapgraft.recording.robots.discovery import FoundRobot, discover
+from mapgraft.recording.robots.glimpse import Glimpse
+from mapgraft.recording.robots.library import Library
+from mapgraft.recording.robots.plan import RobotPlan, Unmappable, plan_robot
 
 _SHOWN = 12
 

@@ -8,9 +8,9 @@ from statistics import median
 from typing import Literal
 
 from mapgraft.contracts import GRID_MESSAGE
-from mapgraft.recording.choice import PosePlan
-from mapgraft.recording.frames import SeenEdge, Stamped
-from mapgraft.recording.glimpse import Glimpse, SeenPayload
+from mapgraft.recording.poses.choice import PosePlan
+from mapgraft.recording.poses.frames import SeenEdge, Stamped
+from mapgraft.recording.robots.glimpse import Glimpse, SeenPayload
 
 Clock = Literal["header", "log", "index"]
 """What tells the time of a robot: the messages' own stamps, when they were recorded, or (neither) their order."""

@@ -13,9 +13,9 @@ from mapgraft.recording.decoding.poses import POSE_READERS, poses_of
 from mapgraft.recording.decoding.records import PoseRecord
 from mapgraft.recording.decoding.scan_fields import stamp_ns
 from mapgraft.recording.decoding.scans import scan_payload
-from mapgraft.recording.poses import Placed
-from mapgraft.recording.quick_tf import QUICK_TYPES, transforms
-from mapgraft.recording.rigid import pose7
+from mapgraft.recording.poses.lookup import Placed
+from mapgraft.recording.poses.quick_tf import QUICK_TYPES, transforms
+from mapgraft.recording.poses.rigid import pose7
 from mapgraft.recording.source import CARMEN_LASER_SCAN, SCAN_TYPES, RawMessage, RecordedScan, ScanMessage, Source
 
 GRID_TYPES = frozenset({"nav_msgs/msg/OccupancyGrid"})

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
-from mapgraft.recording.rigid import (
+from mapgraft.recording.poses.rigid import (
     IDENTITY,
     Pose7,
     angle_of,
@@ -23,7 +23,7 @@ from mapgraft.recording.rigid import (
     to_transform,
     yaw_of,
 )
-from mapgraft.recording.tf import Missing, TransformBuffer
+from mapgraft.recording.poses.tf import Missing, TransformBuffer
 
 S = 1_000_000_000
 metres = st.floats(-50, 50, allow_nan=False)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
-from mapgraft.recording.frames import Frames, SeenEdge
-from mapgraft.recording.glimpse import Glimpse, is_static
-from mapgraft.recording.payloads import TF_TYPES
+from mapgraft.recording.poses.frames import Frames, SeenEdge
+from mapgraft.recording.robots.glimpse import Glimpse, is_static
+from mapgraft.recording.timeline.payloads import TF_TYPES
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from mapgraft.contracts import GRID_MESSAGE
-from mapgraft.recording.frames import roles_of
-from mapgraft.recording.glimpse import Glimpse, SeenPayload
 from mapgraft.recording.naming import (
     frame_prefix,
     is_costmap,
@@ -17,7 +15,9 @@ from mapgraft.recording.naming import (
     stem,
     told_apart,
 )
-from mapgraft.recording.trees import tf_namespace, tree_of
+from mapgraft.recording.poses.frames import roles_of
+from mapgraft.recording.poses.trees import tf_namespace, tree_of
+from mapgraft.recording.robots.glimpse import Glimpse, SeenPayload
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,16 +9,16 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from mapgraft.contracts import Observation
-from mapgraft.recording.clocks import offset_of
-from mapgraft.recording.feeds import Feed, PoseFile, Reading
-from mapgraft.recording.intake import Intake, Limits, Waiting
-from mapgraft.recording.payloads import Payloads, Read
-from mapgraft.recording.plan import RobotPlan
-from mapgraft.recording.poses import TreePoses
-from mapgraft.recording.rigid import Pose7
+from mapgraft.recording.poses.feeds import Feed, PoseFile, Reading
+from mapgraft.recording.poses.lookup import TreePoses
+from mapgraft.recording.poses.rigid import Pose7
+from mapgraft.recording.poses.tf import TransformBuffer
+from mapgraft.recording.robots.plan import RobotPlan
 from mapgraft.recording.source import CARMEN_LASER_SCAN, SCAN_TYPES, ReadFaults, Source
-from mapgraft.recording.tally import Tally
-from mapgraft.recording.tf import TransformBuffer
+from mapgraft.recording.timeline.clocks import offset_of
+from mapgraft.recording.timeline.intake import Intake, Limits, Waiting
+from mapgraft.recording.timeline.payloads import Payloads, Read
+from mapgraft.recording.timeline.tally import Tally
 
 REORDER_NS = 1_000_000_000
 """How long a payload waits for an earlier one that was recorded later."""

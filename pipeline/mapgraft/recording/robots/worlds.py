@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from mapgraft.recording.plan import RobotPlan
-from mapgraft.recording.rigid import IDENTITY, Pose7, compose, inverse
-from mapgraft.recording.trees import tf_namespace
+from mapgraft.recording.poses.rigid import IDENTITY, Pose7, compose, inverse
+from mapgraft.recording.poses.trees import tf_namespace
+from mapgraft.recording.robots.plan import RobotPlan
 
 
 def known_world(plans: Sequence[RobotPlan], T_anchor_map: Mapping[str, Pose7]) -> dict[str, Pose7]:

@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 from mapgraft.config import RobotConfig, WindowConfig
 from mapgraft.contracts import GRID_MESSAGE, ConfigError
-from mapgraft.recording.choice import PosePlan, choose_poses
-from mapgraft.recording.clocks import INDEX_STEP_NS, Clock, Times, times_of
-from mapgraft.recording.discovery import FoundRobot
-from mapgraft.recording.glimpse import Glimpse, SeenPayload, times_between
-from mapgraft.recording.payloads import Payloads
-from mapgraft.recording.timeline import Range
+from mapgraft.recording.poses.choice import PosePlan, choose_poses
+from mapgraft.recording.robots.discovery import FoundRobot
+from mapgraft.recording.robots.glimpse import Glimpse, SeenPayload, times_between
+from mapgraft.recording.timeline.clocks import INDEX_STEP_NS, Clock, Times, times_of
+from mapgraft.recording.timeline.payloads import Payloads
+from mapgraft.recording.timeline.shifts import Range
 
 S = 1_000_000_000
 

@@ -12,7 +12,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
-from mapgraft.recording.rigid import IDENTITY, Pose7, compose, interpolate, inverse
+from mapgraft.recording.poses.rigid import IDENTITY, Pose7, compose, interpolate, inverse
 
 Cause = Literal[
     "no_link",  # no way through the tree between the two frames

@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.contracts import GRID_MESSAGE, Observation, RecordingError, Scan
-from mapgraft.recording.clocks import INDEX_STEP_NS
-from mapgraft.recording.feeds import PoseFile
-from mapgraft.recording.frames import Stamped
-from mapgraft.recording.payloads import Opened, Payloads, Read
-from mapgraft.recording.plan import RobotPlan
-from mapgraft.recording.poses import Placed, TreePoses, beams_in_motion
-from mapgraft.recording.rigid import IDENTITY, Pose7, compose, from_transform, to_transform
+from mapgraft.recording.poses.feeds import PoseFile
+from mapgraft.recording.poses.frames import Stamped
+from mapgraft.recording.poses.lookup import Placed, TreePoses, beams_in_motion
+from mapgraft.recording.poses.rigid import IDENTITY, Pose7, compose, from_transform, to_transform
+from mapgraft.recording.poses.tf import Missing
+from mapgraft.recording.robots.plan import RobotPlan
 from mapgraft.recording.source import Source
-from mapgraft.recording.tally import Tally, TopicTally
-from mapgraft.recording.tf import Missing
+from mapgraft.recording.timeline.clocks import INDEX_STEP_NS
+from mapgraft.recording.timeline.payloads import Opened, Payloads, Read
+from mapgraft.recording.timeline.tally import Tally, TopicTally
 
 LONGEST_SWEEP_NS = 1_000_000_000
 """No planar lidar turns slower than once a second: a longer sweep comes from a wrong ``time_increment``."""

@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import Literal, NamedTuple
 
 from mapgraft.recording.naming import is_base, is_map, is_odom, is_world
-from mapgraft.recording.rigid import IDENTITY, Pose7, compose
+from mapgraft.recording.poses.rigid import IDENTITY, Pose7, compose
 
 Drift = Literal["corrected", "slam", "odometry", "unknown", "none"]
 """How poses err: ``corrected`` offline, ``slam`` (or localization), raw ``odometry``, ``unknown``, or no poses."""

@@ -10,12 +10,12 @@ from itertools import pairwise
 from mapgraft.config import PosesConfig
 from mapgraft.contracts import GRID_MESSAGE, ConfigError
 from mapgraft.recording.decoding.poses import CARMEN_MAP, CARMEN_ODOM
-from mapgraft.recording.frames import Drift, Roles, roles_of
-from mapgraft.recording.glimpse import Glimpse, SeenPayload, SeenPoses
 from mapgraft.recording.naming import is_base, is_map, is_odom, is_wish, is_world
-from mapgraft.recording.rigid import angle_of, compose, inverse
+from mapgraft.recording.poses.frames import Drift, Roles, roles_of
+from mapgraft.recording.poses.rigid import angle_of, compose, inverse
+from mapgraft.recording.poses.trees import Tree, tree_of
+from mapgraft.recording.robots.glimpse import Glimpse, SeenPayload, SeenPoses
 from mapgraft.recording.source import CARMEN_LASER_SCAN, CARMEN_ODOMETRY
-from mapgraft.recording.trees import Tree, tree_of
 
 PATH = "nav_msgs/msg/Path"
 _NAMES_SHOWN = 10

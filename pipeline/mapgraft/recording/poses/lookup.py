@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft.recording.rigid import IDENTITY, Pose7, compose, inverse, yaw_of
-from mapgraft.recording.tf import Missing, TransformBuffer
+from mapgraft.recording.poses.rigid import IDENTITY, Pose7, compose, inverse, yaw_of
+from mapgraft.recording.poses.tf import Missing, TransformBuffer
 
 NEGLIGIBLE_M = 0.002
 NEGLIGIBLE_RAD = 0.001
