@@ -81,7 +81,7 @@ def read_index(view: memoryview, faults: ReadFaults) -> McapIndex:
 def _summary(view: memoryview, faults: ReadFaults) -> list[object] | None:
     """The records of the summary; None when there is none, or none that can be trusted."""
     if len(view) < len(MAGIC) + FOOTER_BYTES or bytes(view[-len(MAGIC) :]) != MAGIC:
-        faults.add("cut_off", "the recording was cut off (it has no end mark): what was written before is read")
+        faults.add("cut_off", "the recording was cut off (it has no end mark): what was written is read", place=0)
         return None
     end = len(view) - FOOTER_BYTES
     footer = parsed(view, Record(2, end, end + RECORD_HEAD, end + RECORD_HEAD + 20, True))
@@ -175,4 +175,4 @@ def _places(
             yield record.offset, record.end, (head.start_ns, head.end_ns) if head is not None else None
     if block is not None:
         yield block, reached, None
-    faults.add("cut_off", "the recording was cut off (it has no data end): what was written before is read")
+    faults.add("cut_off", "the recording was cut off (it has no data end): what was written is read", place=0)

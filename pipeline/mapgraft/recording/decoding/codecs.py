@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import re
 import struct
 from collections.abc import Callable
 from functools import cached_property, lru_cache
@@ -40,6 +41,7 @@ UNDECODABLE = (
 )
 """What decoding damaged or hostile bytes may raise."""
 _IDL_SEPARATOR = "=" * 80
+_IDL_DIRECTIVE = re.compile(r"^[ \t]*#.*$", re.MULTILINE)
 _HEADER = "std_msgs/msg/Header"
 
 
@@ -117,7 +119,11 @@ def _fill_in(store: Typestore, usual: Typestore) -> None:
 
 
 def _idl_parts(text: str) -> list[str]:
-    """The definitions of an IDL schema, which rosbag2 joins by separators and ``IDL: name`` lines."""
+    """The definitions of an IDL schema, which rosbag2 joins by separators and ``IDL: name`` lines.
+
+    ``#include`` lines go: what they include is there, and the parser does not know them.
+    """
+    text = _IDL_DIRECTIVE.sub("", text)
     if not text.startswith(_IDL_SEPARATOR):
         return [text]
     return [part.partition("\n")[2] for part in text.split(f"{_IDL_SEPARATOR}\n") if part.startswith("IDL: ")]
