@@ -9,8 +9,7 @@ from mapgraft.console import cell, results
 
 
 def convert_and_show(sources: Sequence[Path], out: Path) -> None:
-    """Convert and say what was written and what was left out."""
+    """Convert, and say what was written and what was left out."""
     from mapgraft.recording.writing import convert
 
-    report = convert(list(sources), out)
-    results().print(cell(str(report)))
+    results().print(cell(convert(list(sources), out)))

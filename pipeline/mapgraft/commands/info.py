@@ -1,0 +1,89 @@
+"""``mapgraft info``: what is in a recording, what would be used of it, and what is wrong with it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+from mapgraft.console import cell, print_json, results
+from mapgraft.job import as_config, demo
+from mapgraft.plugins import load_plugins
+
+if TYPE_CHECKING:
+    from mapgraft.recording.survey import Survey, SurveyedFile, SurveyedRobot
+
+
+def show_info(files: Sequence[Path], config: Path | None, *, as_json: bool, without: Sequence[str]) -> None:
+    """Print the survey of some recordings; without any, of the demo recording."""
+    from mapgraft.recording.survey import survey
+
+    paths = list(files)
+    if not paths:
+        paths, demo_config = demo()
+        config = config or demo_config
+    found = survey(paths, as_config(config), plugins=load_plugins(without))
+    if as_json:
+        print_json(dataclasses.asdict(found))
+        return
+    console = results()
+    for file in found.files:
+        _print_file(console, file)
+    for robot in found.robots:
+        _print_robot(console, robot)
+    _print_mission(console, found)
+
+
+def _print_file(console: Console, file: SurveyedFile) -> None:
+    size = f"{file.size_bytes / 1e6:,.1f} MB" if file.size_bytes >= 1e5 else f"{file.size_bytes / 1e3:,.1f} kB"
+    console.print(
+        cell(f"{file.path}  {file.container}, {size}, {file.duration_s:,.1f} s from {_date(file.start_ns)}"),
+        style="bold",
+    )
+    table = Table(box=None, header_style="dim", pad_edge=False)
+    for column, justify in (("  topic", "left"), ("type", "left"), ("messages", "right"), ("used by", "left")):
+        table.add_column(column, justify="right" if justify == "right" else "left")
+    for topic in file.topics:
+        count = "?" if topic.count is None else f"{topic.count:,}"
+        used = ", ".join(topic.used_by) or topic.note
+        table.add_row(cell(f"  {topic.topic}"), cell(topic.message_type), count, cell(used))
+    console.print(table)
+
+
+def _print_robot(console: Console, robot: SurveyedRobot) -> None:
+    source = robot.source
+    console.print(cell(f"robot {source.name}"), style="bold")
+    seen = f"{', '.join(source.kinds)} on {', '.join(source.topics)}"
+    lines = [
+        f"observes  {seen}: {robot.placed:,} of {robot.read:,} have a pose",
+        f"poses     {source.poses}",
+        f"map       {robot.smear}",
+    ]
+    if robot.path_m:
+        lines.append(f"path      {robot.path_m:,.1f} m from {_date(source.start_ns)} to {_date(source.end_ns)}")
+    for line in (*lines, *(f"note      {remark}" for remark in source.remarks)):
+        console.print(cell(f"  {line}"))
+
+
+def _print_mission(console: Console, found: Survey) -> None:
+    duration_s = (found.end_ns - found.start_ns) / 1e9
+    console.print(cell(f"mission of {len(found.robots)} robots, {duration_s:,.1f} s"), style="bold")
+    for remark in found.remarks:
+        console.print(cell(f"  {remark}"))
+    for problem in found.problems:
+        console.print(cell(f"  {problem}"), style="yellow")
+
+
+def _date(stamp_ns: int | None) -> str:
+    """UTC where the stamp looks like one, else plain seconds."""
+    if stamp_ns is None:
+        return "?"
+    seconds = stamp_ns / 1e9
+    if seconds < 1e8:  # before 1973: seconds since something else
+        return f"{seconds:,.1f} s"
+    return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
