@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from mapgraft_grid.layer import FROM_SCANS, READY_MADE, GridLayer
 from mapgraft_grid.parameters import CELL_LIMIT, LOG_ODDS_PER_NAT, Lattice, SensorModel, Thresholds, log_odds
 from mapgraft_grid.placing import place
 from mapgraft_grid.region import GridRegion
-from mapgraft_grid.tiles import Cell, TilePool
+from mapgraft_grid.tiles import BitRows, Cell, TileKeys, TilePool
 
 _NO_BEAM_POSES: Final = np.zeros((0, 3))
 _MOST_LOOKS: Final = 1 << 31  # per layer, so that no count leaves uint32
@@ -25,32 +25,49 @@ _STRAIGHT: Final = 1e-9  # sine up to which a ready-made map is not turned
 CountTable = NDArray[np.uint32]  # (101, 2) hits and misses for the values 0 … 100
 
 
+class Seen(NamedTuple):
+    """What one scan sees: tiles in ascending order with their free and hit cells, and its beams in cells."""
+
+    keys: TileKeys
+    free: BitRows
+    hit: BitRows
+    beams: NDArray[np.float64]  # (n, 4) x0, y0, x1, y1
+    kinds: NDArray[np.uint8]  # (n,) rays.NO_BEAM, FREE_END or HIT_END
+
+
 def add_scan(layer: GridLayer, observation: Observation, scan: Scan, reach_m: tuple[float, float]) -> GridRegion:
     """Count one scan, each cell once; returns the cells touched. The layer is as before when it raises MapError."""
     _require_mapper(layer, FROM_SCANS, observation)
     lattice, traces = layer.lattice, layer.traces
-    beams = np.empty((scan.ranges_m.size, 4))
-    kinds = np.empty(scan.ranges_m.size, np.uint8)
-    directions = _plain(scan.directions)
-    status, keys, free, hit = rays.cast(
-        directions,
+    seen = cells_of(scan, observation.T_map_sensor, lattice, reach_m)
+    if isinstance(seen, int):
+        raise MapError(_refusal(seen, observation))
+    traces.add_pose(observation.T_map_base, layer.observations, lattice)
+    layer.pool.count(seen.keys, seen.free, seen.hit)
+    if traces.limits.rays_per_tile:
+        traces.insert_rays(*sketch.pick(_plain(scan.directions), seen.beams, seen.kinds, traces.limits.beam_step_rad))
+    _note(layer, FROM_SCANS, observation)
+    return GridRegion(lattice, seen.keys, seen.free | seen.hit)
+
+
+def cells_of(scan: Scan, T_map_sensor: Transform, lattice: Lattice, reach_m: tuple[float, float]) -> Seen | int:
+    """What one scan sees; or the status of kernels.rays.cast that says why it cannot be used."""
+    beams, kinds = np.empty((scan.ranges_m.size, 4)), np.empty(scan.ranges_m.size, np.uint8)
+    given = (
+        _plain(scan.directions),
         _plain(scan.ranges_m),
         _plain(scan.hits),
         _NO_BEAM_POSES if scan.T_sensor_beam is None else _plain(scan.T_sensor_beam),
-        observation.T_map_sensor.matrix,
+        T_map_sensor.matrix,
         (lattice.resolution_m, lattice.anchor_m[0], lattice.anchor_m[1]),
         reach_m,
-        beams,
-        kinds,
     )
-    if status != rays.OK:
-        raise MapError(_refusal(status, observation))
-    traces.add_pose(observation.T_map_base, layer.observations, lattice)
-    layer.pool.count(keys, free, hit)
-    if traces.limits.rays_per_tile:
-        traces.insert_rays(*sketch.pick(directions, beams, kinds, traces.limits.beam_step_rad))
-    _note(layer, FROM_SCANS, observation)
-    return GridRegion(lattice, keys, free | hit)
+    status, first, keys, free, hit = rays.cast(*given, 0, beams, kinds)
+    while first:  # a scan of thousands of cells across is drawn in bands
+        _, first, more_keys, more_free, more_hit = rays.cast(*given, first, beams, kinds)
+        keys = np.concatenate((keys, more_keys))
+        free, hit = np.concatenate((free, more_free)), np.concatenate((hit, more_hit))
+    return status if status != rays.OK else Seen(keys, free, hit, beams, kinds)
 
 
 def replace_content(

@@ -45,7 +45,8 @@ class GridRegion:
         """The True cells of a window (h, w) whose element [0, 0] is ``origin_cell`` (ix, iy)."""
         if mask.size == 0:
             return cls.empty(lattice)
-        return cls(lattice, *bits.from_mask(np.ascontiguousarray(mask), *origin_cell))
+        keys, rows = bits.from_mask(np.ascontiguousarray(mask), *origin_cell)
+        return cls(lattice, keys.copy(), rows.copy())
 
     def mask(self, origin_cell: tuple[int, int], shape: tuple[int, int]) -> NDArray[np.bool_]:
         """The window (h, w) whose element [0, 0] is ``origin_cell`` (ix, iy): True where the region has the cell."""
@@ -60,7 +61,8 @@ class GridRegion:
         if not other.keys.size:
             return self
         self._require_same_lattice(other)
-        return GridRegion(self.lattice, *bits.union(self.keys, self.rows, other.keys, other.rows))
+        keys, rows = bits.union(self.keys, self.rows, other.keys, other.rows)
+        return GridRegion(self.lattice, keys.copy(), rows.copy())
 
     def minus(self, other: GridRegion) -> GridRegion:
         """The cells that the other does not have; raises MapError as ``union``."""
@@ -87,7 +89,8 @@ class GridRegion:
     def _meet(self, other: GridRegion, without: bool) -> GridRegion:
         if self.keys.size and other.keys.size:
             self._require_same_lattice(other)
-        return GridRegion(self.lattice, *bits.meet(self.keys, self.rows, other.keys, other.rows, without))
+        keys, rows = bits.meet(self.keys, self.rows, other.keys, other.rows, without)
+        return GridRegion(self.lattice, keys.copy(), rows.copy())
 
     def _require_same_lattice(self, other: GridRegion) -> None:
         if self.lattice != other.lattice:

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mapgraft.contracts import MapError, Observation, Scan, Transform
-from mapgraft_grid.kernels import rays
 from mapgraft_grid.map_type import OccupancyGrid
+from mapgraft_grid.observing import Seen, cells_of
+from mapgraft_grid.parameters import Lattice
 
 MakeScan = Callable[..., Observation]
 
@@ -27,20 +28,9 @@ def _cast(
     """Keys, free cells and hit cells of one scan."""
     scan = observation.payload
     assert isinstance(scan, Scan)
-    n = scan.ranges_m.size
-    status, keys, free, hit = rays.cast(
-        scan.directions,
-        scan.ranges_m,
-        scan.hits,
-        np.zeros((0, 3)) if scan.T_sensor_beam is None else scan.T_sensor_beam,
-        observation.T_map_sensor.matrix,
-        (resolution, 0.0, 0.0),
-        (MAX_M, FREE_M),
-        np.empty((n, 4)),
-        np.empty(n, np.uint8),
-    )
-    assert status == rays.OK
-    return keys, _cells(keys, free), _cells(keys, hit)
+    seen = cells_of(scan, observation.T_map_sensor, Lattice(resolution), (MAX_M, FREE_M))
+    assert isinstance(seen, Seen)
+    return seen.keys, _cells(seen.keys, seen.free), _cells(seen.keys, seen.hit)
 
 
 def _cells(keys: NDArray[np.int64], rows: NDArray[np.uint64]) -> set[tuple[int, int]]:

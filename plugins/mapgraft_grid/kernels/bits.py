@@ -18,20 +18,15 @@ def union(
     rows = np.empty((keys.size, TILE), np.uint64)
     a = b = n = 0
     while a < keys_a.size or b < keys_b.size:
-        if b == keys_b.size or (a < keys_a.size and keys_a[a] < keys_b[b]):
-            keys[n], rows[n] = keys_a[a], rows_a[a]
-            a += 1
-        elif a == keys_a.size or keys_b[b] < keys_a[a]:
-            keys[n], rows[n] = keys_b[b], rows_b[b]
-            b += 1
-        else:
-            keys[n] = keys_a[a]
-            for row in range(TILE):
-                rows[n, row] = rows_a[a, row] | rows_b[b, row]
-            a += 1
-            b += 1
+        in_a = a < keys_a.size and (b == keys_b.size or keys_a[a] <= keys_b[b])
+        in_b = b < keys_b.size and (a == keys_a.size or keys_b[b] <= keys_a[a])
+        keys[n] = keys_a[a] if in_a else keys_b[b]
+        for row in range(TILE):
+            rows[n, row] = (rows_a[a, row] if in_a else np.uint64(0)) | (rows_b[b, row] if in_b else np.uint64(0))
+        a += in_a
+        b += in_b
         n += 1
-    return keys[:n].copy(), rows[:n].copy()
+    return keys[:n], rows[:n]
 
 
 @njit(cache=True)
@@ -58,7 +53,7 @@ def meet(
         if some:
             keys[n] = keys_a[a]
             n += 1
-    return keys[:n].copy(), rows[:n].copy()
+    return keys[:n], rows[:n]
 
 
 @njit(cache=True)
@@ -108,8 +103,11 @@ def from_mask(mask: NDArray[np.bool_], origin_x: int, origin_y: int) -> tuple[ND
     keys = np.empty(across * up, np.int64)
     n = 0
     for tile in range(across * up):
-        if words[tile].any():
+        some = np.uint64(0)
+        for row in range(TILE):
+            some |= words[tile, row]
+            words[n, row] = words[tile, row]
+        if some:
             keys[n] = tile_key(first_x + tile % across, first_y + tile // across)
-            words[n] = words[tile]
             n += 1
-    return keys[:n].copy(), words[:n].copy()
+    return keys[:n], words[:n]

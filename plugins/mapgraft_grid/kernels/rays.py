@@ -209,35 +209,31 @@ def cast(
     T_map_sensor: NDArray[np.float64],
     lattice: tuple[float, float, float],
     reach: tuple[float, float],
+    first: int,
     beams: NDArray[np.float64],
     kinds: NDArray[np.uint8],
-) -> tuple[int, NDArray[np.int64], NDArray[np.uint64], NDArray[np.uint64]]:
+) -> tuple[int, int, NDArray[np.int64], NDArray[np.uint64], NDArray[np.uint64]]:
     """The cells that one scan sees free and hit, each once, a hit winning over a miss.
 
     ``directions`` (n, 2), ``ranges_m`` (n,), ``hits`` (n,) and ``beam_poses`` (0, 3) or (n, 3) as in a Scan;
     ``lattice`` is (resolution, anchor x, anchor y) and ``reach`` (max_range, free_range), all in metres. A beam that
     hit nothing, or only beyond ``max_range``, is free up to ``free_range`` at most.
 
-    Fills ``beams`` (n, 4) with start and end in cells and ``kinds`` (n,). Returns a status, the touched tiles' keys
-    (k,) in ascending order, and for each the free and the hit cells (k, 64): one word per row, lowest bit = lowest x.
+    Fills ``beams`` (n, 4) with start and end in cells and ``kinds`` (n,). Returns a status, the ``first`` to go on with
+    (0 when all is done, as for nearly every scan), the touched tiles' keys (k,) in ascending order, and for each the
+    free and the hit cells (k, 64): one word per row, lowest bit = lowest x.
     """
-    keys = np.empty(0, np.int64)
-    free = np.empty((0, TILE), np.uint64)
-    hit = np.empty((0, TILE), np.uint64)
+    status, box, height = OK, (0, 0, 0), 0
     if not _project(directions, ranges_m, hits, beam_poses, T_map_sensor, lattice, reach, beams, kinds):
-        return OUT_OF_REACH, keys, free, hit
-    base_x, base_y, width, height = _tile_box(beams, kinds)
-    if width == 0:
-        return OK, keys, free, hit
-    if width > TILES_WIDE or height > TILES_WIDE:
-        return TOO_WIDE, keys, free, hit
-    step = max(1, min(height, _BAND_WORDS // (width * TILE)))
-    words = np.empty(width * step * TILE, np.uint64)
-    for first in range(0, height, step):
-        part = _band(beams, kinds, (base_x, base_y, width), first, min(step, height - first), words)
-        if step == height:
-            return OK, part[0], part[1], part[2]
-        keys = np.concatenate((keys, part[0]))
-        free = np.concatenate((free, part[1]))
-        hit = np.concatenate((hit, part[2]))
-    return OK, keys, free, hit
+        status = OUT_OF_REACH
+    else:
+        base_x, base_y, width, height = _tile_box(beams, kinds)
+        box = (base_x, base_y, width)
+        if width > TILES_WIDE or height > TILES_WIDE:
+            status = TOO_WIDE
+    if status != OK:
+        height = 0
+    step = min(height - first, max(1, _BAND_WORDS // max(1, box[2] * TILE)))
+    words = np.empty(box[2] * max(0, step) * TILE, np.uint64)
+    keys, free, hit = _band(beams, kinds, box, first, max(0, step), words)
+    return status, (first + step if first + step < height else 0), keys, free, hit
