@@ -217,9 +217,13 @@ def test_an_incremental_measurement_equals_a_fresh_one(two_walks: TwoWalks) -> N
         assert (measured.value, measured.support, measured.details) == (fresh.value, fresh.support, fresh.details)
         supports.add(measured.support)
     assert len(supports) > 1
-    pair.donor_layer = mapped(two_walks[1][:20])
-    changed = tracker.update(Step(TYPE.region(TYPE.new_layer()), (), donor_changed=True))
-    assert changed == LandmarkAgreement().track(pair).update(Step()) != measured
+    pair.donor_layer = TYPE.place(mapped(two_walks[1][:50]), two_walks[2])
+    nothing_touched = TYPE.region(TYPE.new_layer())
+    changed = tracker.update(Step(nothing_touched, (), donor_changed=True))
+    fresh = LandmarkAgreement().track(pair).update(Step())
+    assert changed.sufficient
+    assert (changed.value, changed.support, changed.details) == (fresh.value, fresh.support, fresh.details)
+    assert changed.support != measured.support
 
 
 def test_too_little_in_common_is_not_measured(layers: tuple[LandmarkLayer, LandmarkLayer]) -> None:
