@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from mapgraft.contracts import ConfigError, EmptyMapError, MapError, Match, Observation, Transform
@@ -209,8 +208,18 @@ def test_impossible_parameters_are_refused(options: dict[str, Any]) -> None:
         Carpin(**options)
 
 
-grids = hnp.arrays(np.uint8, st.tuples(st.integers(1, 12), st.integers(1, 12)), elements=st.integers(0, 2))
-points = hnp.arrays(np.float64, st.tuples(st.integers(1, 30), st.just(2)), elements=st.floats(-12, 12))
+def _points(seed: int) -> NDArray[np.float64]:
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-12, 12, (rng.integers(1, 200), 2))
+
+
+def _classes(seed: int) -> NDArray[np.uint8]:
+    rng = np.random.default_rng(seed)
+    return rng.integers(0, 3, rng.integers(1, 13, 2)).astype(np.uint8)
+
+
+seeds = st.integers(0, 2**32 - 1)
+points, grids = seeds.map(_points), seeds.map(_classes)
 
 
 @settings(deadline=None, max_examples=100)
@@ -226,7 +235,7 @@ def test_spectra_count_votes(p: NDArray[np.float64], angle: float) -> None:
 
 
 @settings(deadline=None, max_examples=100)
-@given(hnp.arrays(np.uint8, (7, 9), elements=st.integers(0, 2)), points, st.integers(0, 20))
+@given(grids, points, seeds)
 def test_meeting_counts_pairs_of_classes(target: NDArray[np.uint8], p: NDArray[np.float64], seed: int) -> None:
     rng = np.random.default_rng(seed)
     classes = rng.integers(0, 3, len(p)).astype(np.uint8)
