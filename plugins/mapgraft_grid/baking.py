@@ -45,6 +45,9 @@ def reset(layer: GridLayer, foreign: GridRegion, keep: GridRegion) -> Reset:
     Counts the cells that held evidence and now hold none, and the cells of both regions that still hold something
     absorbed.
     """
+    for region in (foreign, keep):
+        if region.keys.size and region.lattice != layer.lattice:
+            raise MapError(f"a layer on {layer.lattice} cannot be reset by a region on {region.lattice}")
     discard, contaminated = foreign.minus(keep), foreign.intersection(keep)
     pool = layer.pool
     slots = pool.index.find(discard.keys)

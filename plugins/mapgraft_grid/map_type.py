@@ -31,6 +31,8 @@ from mapgraft_grid.foreign import Applications
 from mapgraft_grid.grid_map import GridMap
 from mapgraft_grid.layer import NAME, GridLayer
 from mapgraft_grid.parameters import (
+    COARSEST_M,
+    FINEST_M,
     LOG_ODDS_PER_NAT,
     Lattice,
     SensorModel,
@@ -57,7 +59,8 @@ class OccupancyGrid:
     Of beams and poses a layer keeps at most ``rays_per_tile`` and ``poses_per_tile``, one beam per ``beam_step_deg``,
     one pose per ``path_step_m`` or ``path_step_deg``.
 
-    An instance whose robot sends ready-made maps takes the lattice of the first one, and places others' layers on it.
+    An instance whose first observation is a ready-made map takes its lattice, and places others' layers and later maps
+    on it.
     Raises ConfigError on an impossible value.
     """
 
@@ -78,7 +81,7 @@ class OccupancyGrid:
         path_step_m: float = 0.1,
         path_step_deg: float = 5.0,
     ) -> None:
-        self._lattice = Lattice(_within("resolution_m", resolution_m, 1e-6, 1e6))
+        self._lattice = Lattice(_within("resolution_m", resolution_m, FINEST_M, COARSEST_M))
         self._sensor_model = SensorModel(
             in_fixed_point(_within("l_hit", l_hit, 1 / LOG_ODDS_PER_NAT, _MOST_NATS)),
             in_fixed_point(_within("l_miss", l_miss, -_MOST_NATS, -1 / LOG_ODDS_PER_NAT)),
@@ -94,6 +97,7 @@ class OccupancyGrid:
             _within("path_step_m", path_step_m, 0.0, 1e6),
             math.radians(_within("path_step_deg", path_step_deg, 0.0, 360.0)),
         )
+        self._adopts = True  # the lattice of a ready-made map, as long as nothing was observed
         self._applications = Applications()
 
     @property
@@ -116,10 +120,12 @@ class OccupancyGrid:
         """
         grid, payload = _grid(layer), observation.payload
         if isinstance(payload, Scan):
+            self._adopts = False
             return observing.add_scan(grid, observation, payload, self._reach_m)
         if isinstance(payload, GridMessage):
-            region = observing.replace_content(grid, observation, payload, self.thresholds)
-            self._lattice = grid.lattice
+            adopt = self._adopts and not grid.mapper and not len(grid.pool.index)
+            region = observing.replace_content(grid, observation, payload, self.thresholds, adopt)
+            self._adopts, self._lattice = False, grid.lattice if adopt else self._lattice
             return region
         raise MapError(
             f"an occupancy grid is made from a {SCAN} or a {GRID_MESSAGE}, found a {observation.kind} of "
@@ -144,6 +150,7 @@ class OccupancyGrid:
             isinstance(previous, GridMap)
             and isinstance(touched, GridRegion)
             and previous.lattice == layer.lattice
+            and (touched.lattice == layer.lattice or not touched.keys.size)
             and previous.thresholds == self.thresholds
         ):
             return views.updated(previous, layer, foreign, touched.keys)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,16 @@ from mapgraft_grid.grid_map import LARGEST_DENSE
 from mapgraft_grid.kernels import rays, sketch
 from mapgraft_grid.kernels.tile_keys import TILE, tile_key
 from mapgraft_grid.layer import FROM_SCANS, READY_MADE, GridLayer
-from mapgraft_grid.parameters import CELL_LIMIT, LOG_ODDS_PER_NAT, Lattice, SensorModel, Thresholds, log_odds
+from mapgraft_grid.parameters import (
+    CELL_LIMIT,
+    COARSEST_M,
+    FINEST_M,
+    LOG_ODDS_PER_NAT,
+    Lattice,
+    SensorModel,
+    Thresholds,
+    log_odds,
+)
 from mapgraft_grid.placing import place
 from mapgraft_grid.region import GridRegion
 from mapgraft_grid.tiles import BitRows, Cell, TileKeys, TilePool
@@ -31,6 +40,7 @@ class Seen(NamedTuple):
     keys: TileKeys
     free: BitRows
     hit: BitRows
+    directions: NDArray[np.float64]  # (n, 2) in the sensor frame
     beams: NDArray[np.float64]  # (n, 4) x0, y0, x1, y1
     kinds: NDArray[np.uint8]  # (n,) rays.NO_BEAM, FREE_END or HIT_END
 
@@ -45,19 +55,29 @@ def add_scan(layer: GridLayer, observation: Observation, scan: Scan, reach_m: tu
     traces.add_pose(observation.T_map_base, layer.observations, lattice)
     layer.pool.count(seen.keys, seen.free, seen.hit)
     if traces.limits.rays_per_tile:
-        traces.insert_rays(*sketch.pick(_plain(scan.directions), seen.beams, seen.kinds, traces.limits.beam_step_rad))
+        traces.insert_rays(*sketch.pick(seen.directions, seen.beams, seen.kinds, traces.limits.beam_step_rad))
     _note(layer, FROM_SCANS, observation)
     return GridRegion(lattice, seen.keys, seen.free | seen.hit)
 
 
 def cells_of(scan: Scan, T_map_sensor: Transform, lattice: Lattice, reach_m: tuple[float, float]) -> Seen | int:
-    """What one scan sees; or the status of kernels.rays.cast that says why it cannot be used."""
-    beams, kinds = np.empty((scan.ranges_m.size, 4)), np.empty(scan.ranges_m.size, np.uint8)
+    """What one scan sees; or the status of kernels.rays.cast that says why it cannot be used.
+
+    Raises MapError when the arrays of the scan do not belong together.
+    """
+    n = scan.ranges_m.size
+    poses = scan.T_sensor_beam
+    if scan.directions.shape != (n, 2) or scan.hits.size != n or not (poses is None or poses.shape == (n, 3)):
+        raise MapError(
+            f"a scan needs a direction and a hit for each of its {n} ranges, found {scan.directions.shape}, "
+            f"{scan.hits.shape} and beam poses {None if poses is None else poses.shape}: its reader is wrong"
+        )
+    beams, kinds = np.empty((n, 4)), np.empty(n, np.uint8)
     given = (
-        _plain(scan.directions),
-        _plain(scan.ranges_m),
-        _plain(scan.hits),
-        _NO_BEAM_POSES if scan.T_sensor_beam is None else _plain(scan.T_sensor_beam),
+        _plain(scan.directions, np.float64),
+        _plain(scan.ranges_m, np.float32),
+        _plain(scan.hits, np.bool_),
+        _NO_BEAM_POSES if poses is None else _plain(poses, np.float64),
         T_map_sensor.matrix,
         (lattice.resolution_m, lattice.anchor_m[0], lattice.anchor_m[1]),
         reach_m,
@@ -67,25 +87,24 @@ def cells_of(scan: Scan, T_map_sensor: Transform, lattice: Lattice, reach_m: tup
         _, first, more_keys, more_free, more_hit = rays.cast(*given, first, beams, kinds)
         keys = np.concatenate((keys, more_keys))
         free, hit = np.concatenate((free, more_free)), np.concatenate((hit, more_hit))
-    return status if status != rays.OK else Seen(keys, free, hit, beams, kinds)
+    return status if status != rays.OK else Seen(keys, free, hit, given[0], beams, kinds)
 
 
 def replace_content(
-    layer: GridLayer, observation: Observation, message: GridMessage, thresholds: Thresholds
+    layer: GridLayer, observation: Observation, message: GridMessage, thresholds: Thresholds, adopt: bool
 ) -> GridRegion:
     """Make the layer say what a ready-made map says; returns the cells that it says or said something about.
 
-    The first map decides the layer's lattice; later ones that lie otherwise are placed on it. What the layer has
-    absorbed from others stays. The layer is as before when it raises MapError.
+    With ``adopt`` the layer takes the map's lattice, else a map that lies otherwise is placed on the layer's. What the
+    layer has absorbed from others stays. The layer is as before when it raises MapError.
     """
     _require_mapper(layer, READY_MADE, observation)
     _require_valid(message, observation)
     T = observation.T_map_sensor @ message.T_map_origin
-    fresh = not layer.mapper
-    pool, lattice = _placed(message, T, None if fresh else layer.lattice, layer, thresholds)
+    pool, lattice = _placed(message, T, None if adopt else layer.lattice, layer, thresholds)
     before = baking.touched(layer)
-    layer.lattice = lattice
     layer.traces.add_pose(observation.T_map_base, layer.observations, lattice)
+    layer.lattice = lattice
     old, layer.pool = layer.pool, pool
     for slot, key in enumerate(old.index.keys.tolist()):
         if old.absorbed.of[slot] >= 0:
@@ -158,15 +177,20 @@ def _tiled(message: GridMessage, table: CountTable, origin_cell: tuple[int, int]
     return pool
 
 
-def _plain(array: NDArray[Cell]) -> NDArray[Cell]:
+def _plain(array: NDArray[np.generic], dtype: type[Cell]) -> NDArray[Cell]:
     """The array itself, or a writable contiguous copy: a kernel is compiled anew for every other kind of array."""
-    return array if array.flags.c_contiguous and array.flags.writeable else array.copy()
+    if array.dtype == dtype and array.flags.c_contiguous and array.flags.writeable:
+        return cast(NDArray[Cell], array)
+    return np.array(array, dtype, order="C")
 
 
 def _require_valid(message: GridMessage, observation: Observation) -> None:
     cells = message.cells
-    if not 0 < message.resolution_m < np.inf:
-        raise MapError(f"a map of {observation.robot} has {message.resolution_m} m per cell: it must be above 0")
+    if not FINEST_M <= message.resolution_m <= COARSEST_M:
+        raise MapError(
+            f"a map of {observation.robot} has {message.resolution_m} m per cell, from {FINEST_M} to {COARSEST_M} "
+            "can be used: check the map's description"
+        )
     if cells.ndim != 2 or cells.size > LARGEST_DENSE:
         raise MapError(f"a map of {observation.robot} must have up to {LARGEST_DENSE} cells, found {cells.shape}")
     if cells.size and (cells.min() < -1 or cells.max() > 100):

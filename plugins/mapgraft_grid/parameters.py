@@ -10,6 +10,8 @@ from mapgraft.contracts import MapError
 
 LOG_ODDS_PER_NAT: Final = 1024  # fixed point of all evidence
 CELL_LIMIT: Final = 1 << 30  # cells beyond ± this do not exist
+FINEST_M: Final = 1e-6
+COARSEST_M: Final = 1e6
 _SAME_PLACE: Final = 1e-6  # cells: anchors nearer than this to a whole cell lie on it
 
 

@@ -20,6 +20,7 @@ from mapgraft_grid.traces import YAW_STEPS_PER_RAD, Pose
 NEAREST: Final = "nearest/1"  # target cells no coarser than the source's: the source cell at the target cell's centre
 CENTRES: Final = "centres/1"  # coarser ones: every source cell goes where its centre lies
 
+_MOST_RATIO: Final = 4096  # between two resolutions
 _MOST_TILES: Final = 1 << 16  # of a placed layer: 1 GB of counts
 _AT_ONCE: Final = 256  # target tiles per call: 8 MB of counts
 _EXACT: Final = 80  # binary places of a cell map's coefficients
@@ -66,7 +67,7 @@ def place(
 
     Raises EmptyMapError when the layer holds nothing, MapError when it cannot be placed.
     """
-    _require_placeable(layer, T_receiver_donor, scale)
+    _require_placeable(layer, T_receiver_donor, scale, lattice)
     T = T_receiver_donor.snapped()
     forward, backward = _cell_maps(layer.lattice, lattice, T, Fraction(scale))
     keys = np.sort(layer.pool.index.keys)
@@ -93,11 +94,17 @@ def place(
     return out
 
 
-def _require_placeable(layer: GridLayer, T: Transform, scale: float) -> None:
+def _require_placeable(layer: GridLayer, T: Transform, scale: float, lattice: Lattice) -> None:
     if len(layer.pool.absorbed):
         raise MapError("a layer that has absorbed other sources cannot be given away: offer the one from before")
     if not 0 < scale < math.inf:
         raise MapError(f"the scale of a placement must be above 0, found {scale}")
+    ratio = lattice.resolution_m / (layer.lattice.resolution_m * scale)
+    if not 1 / _MOST_RATIO <= ratio <= _MOST_RATIO:
+        raise MapError(
+            f"cells of {layer.lattice.resolution_m * scale:.3g} m cannot be placed on cells of {lattice.resolution_m} "
+            f"m: resolutions may differ {_MOST_RATIO} times at most"
+        )
     if not np.isfinite(T.matrix).all() or abs(T.matrix[2, 2] - 1.0) > 1e-6:
         raise MapError(f"a grid can only be turned in its plane, found {T}: give a planar transform")
 

@@ -8,10 +8,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft.contracts import Points, Rays, Transform
+from mapgraft.contracts import MapError, Points, Rays, Transform
 from mapgraft_grid.kernels import sketch
 from mapgraft_grid.kernels.tile_keys import TILE, tile_key, tile_x, tile_y
-from mapgraft_grid.parameters import Lattice, TraceLimits
+from mapgraft_grid.parameters import CELL_LIMIT, Lattice, TraceLimits
 from mapgraft_grid.tiles import TileIndex, TileKeys, enlarged
 
 YAW_STEPS_PER_RAD: Final = 1 << 20
@@ -50,11 +50,16 @@ class Traces:
         self._rays = np.zeros((0, limits.rays_per_tile, 5), np.int32)
 
     def add_pose(self, T_map_base: Transform, number: int, lattice: Lattice) -> None:
-        """Note where the body was at observation ``number``, unless it has hardly moved since the last pose kept."""
+        """Note where the body was at observation ``number``, unless it has hardly moved since the last pose kept.
+
+        Raises MapError when it was nowhere.
+        """
         if not self.limits.poses_per_tile:
             return
         steps = sketch.STEPS_PER_CELL / lattice.resolution_m
         matrix = T_map_base.matrix
+        if not abs(matrix.item(0, 3)) + abs(matrix.item(1, 3)) < CELL_LIMIT * lattice.resolution_m:
+            raise MapError(f"a robot was at {T_map_base}, beyond ±{CELL_LIMIT} cells or not finite: check its pose")
         x = math.floor((matrix.item(0, 3) - lattice.anchor_m[0]) * steps)
         y = math.floor((matrix.item(1, 3) - lattice.anchor_m[1]) * steps)
         yaw = round(math.atan2(matrix.item(1, 0), matrix.item(0, 0)) * YAW_STEPS_PER_RAD)

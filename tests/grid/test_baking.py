@@ -95,6 +95,15 @@ def test_cells_that_were_reset_hold_no_donor_any_more(scan_of: MakeScan) -> None
     assert grid.region(own) == updated
 
 
+def test_regions_of_other_cells_reset_nothing(scan_of: MakeScan) -> None:
+    grid = OccupancyGrid(resolution_m=0.1)
+    own = _layer(grid, scan_of, 4)
+    fine = OccupancyGrid(resolution_m=0.05)
+    other = fine.region(_layer(fine, scan_of, 4))
+    with pytest.raises(MapError, match="cannot be reset"):
+        grid.reset(own, other, other)
+
+
 def test_two_donors_add_up_and_overflow_is_refused(scan_of: MakeScan) -> None:
     grid = OccupancyGrid(resolution_m=0.5, l_hit=10.0, rays_per_tile=0, poses_per_tile=0)
     donor = grid.new_layer()

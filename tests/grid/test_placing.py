@@ -267,6 +267,9 @@ def test_what_cannot_be_placed_says_why(scan_of: MakeScan) -> None:
     with pytest.raises(MapError, match="turned in its plane"):
         grid.place(layer, tilted)
     with pytest.raises(MapError, match="coarser resolution"):
-        OccupancyGrid(resolution_m=0.0001, max_range_m=30).place(layer, Transform.identity())
+        OccupancyGrid(resolution_m=0.0002).place(layer, Transform.identity())
+    for far in (1e-5, 1e3):
+        with pytest.raises(MapError, match="4096 times at most"):
+            OccupancyGrid(resolution_m=far, max_range_m=1.0, free_range_m=1.0).place(layer, Transform.identity())
     with pytest.raises(MapError, match="reach beyond"):
         grid.place(layer, Transform.planar(1e9, 0.0, 0.0))

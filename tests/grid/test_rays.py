@@ -173,6 +173,36 @@ def test_beams_that_graze_a_tile_from_outside_stay_inside_their_box(scan_of: Mak
         assert len(free) in (19, 20)
 
 
+def test_a_body_that_is_nowhere_is_refused_and_changes_nothing(scan_of: MakeScan) -> None:
+    grid = OccupancyGrid()
+    layer = grid.new_layer()
+    before = grid.encode(layer)
+    scan = scan_of(0.0, 1.0)
+    for x in (math.nan, math.inf, 1e12):
+        matrix = np.eye(4)
+        matrix[1, 3] = x
+        with pytest.raises(MapError, match="check its pose"):
+            grid.integrate(
+                layer, Observation("robot", 1, 1, "laser", "scan", scan.payload, scan.T_map_sensor, Transform(matrix))
+            )
+    assert grid.encode(layer) == before
+
+
+def test_arrays_that_do_not_belong_together_are_refused(scan_of: MakeScan) -> None:
+    grid = OccupancyGrid()
+    good = scan_of([0.0, 1.0], 1.0)
+    scan = good.payload
+    assert isinstance(scan, Scan)
+    for bad in (
+        Scan(scan.directions[:1], scan.ranges_m, scan.hits),
+        Scan(scan.directions, scan.ranges_m, scan.hits[:1]),
+        Scan(scan.directions, scan.ranges_m, scan.hits, np.zeros((1, 3))),
+    ):
+        observation = Observation("robot", 0, 0, "laser", "scan", bad, good.T_map_sensor, good.T_map_base)
+        with pytest.raises(MapError, match="each of its 2 ranges"):
+            grid.integrate(grid.new_layer(), observation)
+
+
 def test_beams_that_start_kilometres_apart_are_refused(scan_of: MakeScan) -> None:
     grid = OccupancyGrid()
     with pytest.raises(MapError, match="too far from each other"):

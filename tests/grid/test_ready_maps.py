@@ -157,6 +157,16 @@ def test_a_robot_with_a_plan_receives_on_the_plans_cells(scan_of: MakeScan, mess
     assert contribution.resampler == "nearest/1"
 
 
+def test_a_robot_that_scans_keeps_its_cells_whatever_map_it_meets(scan_of: MakeScan, message_of: MakeMessage) -> None:
+    grid = OccupancyGrid(resolution_m=0.1)
+    own, other = grid.new_layer(), grid.new_layer()
+    grid.integrate(own, scan_of(0.0, 1.0))
+    cells = np.zeros((20, 20), np.int8)
+    grid.integrate(other, message_of(cells, 0.05, (0.01, 0.0, 0.0)))
+    assert other.lattice == own.lattice == grid.new_layer().lattice
+    assert grid.view(other).known() == pytest.approx(100, abs=20)
+
+
 def test_what_was_baked_in_stays_when_a_new_map_comes(scan_of: MakeScan, message_of: MakeMessage) -> None:
     grid = OccupancyGrid(resolution_m=0.1)
     layer, donor = grid.new_layer(), grid.new_layer()
@@ -180,8 +190,8 @@ def test_impossible_maps_are_refused(message_of: MakeMessage) -> None:
     grid = OccupancyGrid()
     cells = np.zeros((3, 3), np.int8)
     bad: list[tuple[object, float, str]] = [
-        (cells, 0.0, "above 0"),
-        (cells, math.nan, "above 0"),
+        (cells, 0.0, "m per cell"),
+        (cells, math.nan, "m per cell"),
         (cells + 101, 0.1, "-1 .unknown. and 0"),
         (cells - 2, 0.1, "-1 .unknown. and 0"),
         (cells[0], 0.1, "must have up to"),
