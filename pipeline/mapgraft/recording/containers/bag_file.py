@@ -11,7 +11,7 @@ from typing import Self
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.bag_index import BagIndex, read_bag_index
 from mapgraft.recording.containers.bag_records import MAGIC, Connection, bag_content, bag_messages, bag_records
-from mapgraft.recording.containers.chunks import Place, in_log_order, note_damage, note_late
+from mapgraft.recording.containers.chunks import Place, in_log_order, note_damage, note_late, note_strangers
 from mapgraft.recording.containers.inflate import Content
 from mapgraft.recording.containers.mapping import map_file
 from mapgraft.recording.containers.scanning import scans_of
@@ -79,10 +79,11 @@ class BagSource:
         return bag_content(self._view, place.offset, place.end)
 
     def _parse(self, want: Wanted, place: Place, content: Content) -> list[RawMessage]:
-        found, broken = bag_messages(content.data, want)
+        found, broken, strangers = bag_messages(content.data, want)
         if broken and not content.damage:
             content = content._replace(damage="has a broken record")
         note_damage(self.faults, place.offset, content)
+        note_strangers(self.faults, place.offset, strangers)
         return found
 
     def scans(

@@ -64,6 +64,8 @@ def _indexed(view: memoryview, head: BagRecord) -> BagIndex | None:
             return None
     if len(index.connections) != connections or len(index.places) != chunks:
         return None
+    if not index.counts.keys() <= index.connections.keys():
+        return None
     return index
 
 
@@ -95,7 +97,8 @@ def _walked(view: memoryview, faults: ReadFaults) -> BagIndex:
 def _look_inside(view: memoryview, chunk: BagRecord, index: BagIndex, faults: ReadFaults) -> None:
     content = bag_content(view, chunk.offset, chunk.end)
     note_damage(faults, chunk.offset, content)
-    inside, counts, times = memoryview(content.data), dict[int, int](), list[int]()
+    inside, counts = memoryview(content.data), dict[int, int]()
+    start_ns, end_ns = 2**64, -1
     for record in bag_records(inside, 0, len(inside)):
         if record.op == OP_CONNECTION:
             index.declare(connection(inside, record))
@@ -103,7 +106,7 @@ def _look_inside(view: memoryview, chunk: BagRecord, index: BagIndex, faults: Re
             channel, log_ns = number(record.fields, b"conn"), time_ns(record.fields, b"time")
             if channel is not None and log_ns is not None:
                 counts[channel] = counts.get(channel, 0) + 1
-                times = [min(log_ns, *times), max(log_ns, *times)]
+                start_ns, end_ns = min(start_ns, log_ns), max(end_ns, log_ns)
     if counts:
-        index.places.append(Place(chunk.offset, chunk.end, times[0], times[1], dict.fromkeys(counts, 0)))
+        index.places.append(Place(chunk.offset, chunk.end, start_ns, end_ns, dict.fromkeys(counts, 0)))
         index.count(counts)

@@ -120,15 +120,18 @@ def bag_content(view: memoryview, offset: int, end: int) -> Content:
 
 
 class BagMessages(NamedTuple):
-    """The wanted messages of a chunk; ``broken`` when its records do not add up to its content."""
+    """The wanted messages of a chunk; ``broken`` when its records do not add up to its content, ``strangers`` how many
+    messages are of no connection of the bag.
+    """
 
     found: list[RawMessage]
     broken: bool
+    strangers: int
 
 
 def bag_messages(data: bytes | memoryview, want: Wanted) -> BagMessages:
     """The wanted messages of a chunk's content by log time, equal times as they were written; views into ``data``."""
-    view, found, reached = memoryview(data), list[RawMessage](), 0
+    view, found, reached, strangers = memoryview(data), list[RawMessage](), 0, 0
     for record in bag_records(view, 0, len(view)):
         if not record.whole:
             break
@@ -137,7 +140,8 @@ def bag_messages(data: bytes | memoryview, want: Wanted) -> BagMessages:
             continue
         connection_id, log_ns = number(record.fields, b"conn"), time_ns(record.fields, b"time")
         channel = want.channels.get(connection_id) if connection_id is not None else None
+        strangers += connection_id not in want.declared
         if channel is not None and log_ns is not None and want.start_ns <= log_ns <= want.end_ns:
             found.append(RawMessage(channel, log_ns, view[record.begin : record.end]))
     found.sort(key=_log_ns)
-    return BagMessages(found, reached != len(view))
+    return BagMessages(found, reached != len(view), strangers)

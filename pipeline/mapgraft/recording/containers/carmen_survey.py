@@ -25,7 +25,7 @@ class RangeSurvey:
     stated_max_m: float = math.inf
 
     def see(self, ranges_m: NDArray[np.float32], stated_max_m: float) -> None:
-        finite = ranges_m[np.isfinite(ranges_m) & (ranges_m >= 0)]
+        finite = ranges_m[np.isfinite(ranges_m) & (ranges_m > 0)]
         centimetres = np.minimum(np.round(finite / _BIN_M), _BINS - 1).astype(np.int64)
         self.histogram += np.bincount(centimetres, minlength=_BINS)
         self.stated_max_m = stated_max_m

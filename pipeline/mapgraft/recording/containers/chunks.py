@@ -187,3 +187,10 @@ def note_late(faults: ReadFaults, place: Place) -> None:
     """Count a chunk whose stated start is later than its first message."""
     sentence = f"the chunk at byte {place.offset} holds messages from before its stated start: they come late"
     faults.add("late_messages", sentence, place=place.offset)
+
+
+def note_strangers(faults: ReadFaults, offset: int, count: int) -> None:
+    """Count messages of channels that the file does not describe."""
+    if count:
+        sentence = f"messages in the chunk at byte {offset} are of a channel that the file does not describe"
+        faults.add("unknown_channel", sentence, place=offset, count=count)

@@ -13,7 +13,7 @@ from typing import Self
 from mcap.records import Channel as ChannelRecord
 
 from mapgraft.errors import RecordingError
-from mapgraft.recording.containers.chunks import Place, T, in_log_order, note_damage, note_late
+from mapgraft.recording.containers.chunks import Place, T, in_log_order, note_damage, note_late, note_strangers
 from mapgraft.recording.containers.inflate import Content
 from mapgraft.recording.containers.latching import is_latched
 from mapgraft.recording.containers.mapping import map_file
@@ -83,8 +83,7 @@ class McapSource:
         self, topics: Collection[str] | None = None, start_ns: int | None = None, end_ns: int | None = None
     ) -> Iterator[RecordedScan]:
         """See ``Source.scans``."""
-        channels = [channel for channel in self.channels if channel.message_type in SCAN_TYPES]
-        return self._in_order(wanted(channels, topics, start_ns, end_ns), self._parse_scans)
+        return self._in_order(wanted(self.channels, topics, start_ns, end_ns, SCAN_TYPES), self._parse_scans)
 
     def _in_order(self, want: Wanted, parse: Callable[[Wanted, Place, Content], list[T]]) -> Iterator[T]:
         late = partial(note_late, self.faults)
@@ -96,10 +95,11 @@ class McapSource:
         return chunk_content(self._view, place.offset, place.end)
 
     def _parse(self, want: Wanted, place: Place, content: Content) -> list[RawMessage]:
-        found, broken = messages(content.data, want)
+        found, broken, strangers = messages(content.data, want)
         if broken and not content.damage:
             content = content._replace(damage="has a broken record")
         note_damage(self.faults, place.offset, content)
+        note_strangers(self.faults, place.offset, strangers)
         return found
 
     def _parse_scans(self, want: Wanted, place: Place, content: Content) -> list[RecordedScan]:

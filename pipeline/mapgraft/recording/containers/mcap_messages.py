@@ -48,10 +48,13 @@ def spans(data: bytes | memoryview, declare: Callable[[object], None]) -> Spans:
 
 
 class Messages(NamedTuple):
-    """The wanted messages of a chunk; ``broken`` when its records do not add up to its content."""
+    """The wanted messages of a chunk; ``broken`` when its records do not add up to its content, ``strangers`` how many
+    messages are of no channel of the file.
+    """
 
     found: list[RawMessage]
     broken: bool
+    strangers: int
 
 
 def messages(data: bytes | memoryview, want: Wanted) -> Messages:
@@ -61,18 +64,20 @@ def messages(data: bytes | memoryview, want: Wanted) -> Messages:
     """
     view = memoryview(data)
     size, position, last_ns, in_order = len(view), 0, 0, True
-    channels, start_ns, end_ns = want.channels, want.start_ns, want.end_ns
+    channels, declared, start_ns, end_ns = want.channels, want.declared, want.start_ns, want.end_ns
+    strangers = 0
     found: list[RawMessage] = []
     while size - position >= MESSAGE_HEAD:  # what is shorter cannot be a message
         opcode, length, channel_id, _, log_ns = _message_head(view, position)
         begin, position = position + MESSAGE_HEAD, position + 9 + length
         if opcode != OPCODE_MESSAGE or channel_id not in channels or not start_ns <= log_ns <= end_ns:
+            strangers += opcode == OPCODE_MESSAGE and channel_id not in declared
             continue
         if position > size or position < begin:
-            return Messages(sorted(found, key=_log_ns), True)
+            return Messages(sorted(found, key=_log_ns), True, strangers)
         found.append(RawMessage(channels[channel_id], log_ns, view[begin:position]))
         in_order = in_order and last_ns <= log_ns
         last_ns = log_ns
     if not in_order:
         found.sort(key=_log_ns)
-    return Messages(found, position > size)
+    return Messages(found, position > size, strangers)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from mapgraft.recording.containers.chunks import Place
@@ -13,19 +13,34 @@ _FOREVER_NS = 2**64
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """Which messages to take: the channels by id, and the window of log time, both ends included."""
+    """Which messages to take: the channels by id, and the window of log time, both ends included.
+
+    ``declared`` are the ids of all channels of the file, so that messages of no channel can be told.
+    """
 
     channels: Mapping[int, Channel]
+    declared: frozenset[int]
     start_ns: int
     end_ns: int
 
 
 def wanted(
-    channels: Iterable[Channel], topics: Collection[str] | None, start_ns: int | None, end_ns: int | None
+    channels: Sequence[Channel],
+    topics: Collection[str] | None,
+    start_ns: int | None,
+    end_ns: int | None,
+    types: Collection[str] | None = None,
 ) -> Wanted:
-    """The decodable channels of these topics (None: all) in this window (None: open)."""
-    chosen = {c.id: c for c in channels if c.decodable and (topics is None or c.topic in topics)}
-    return Wanted(chosen, -_FOREVER_NS if start_ns is None else start_ns, _FOREVER_NS if end_ns is None else end_ns)
+    """The decodable channels of these topics and message types (None: all) in this window (None: open)."""
+    chosen = {
+        c.id: c
+        for c in channels
+        if c.decodable and (topics is None or c.topic in topics) and (types is None or c.message_type in types)
+    }
+    declared = frozenset(c.id for c in channels)
+    return Wanted(
+        chosen, declared, -_FOREVER_NS if start_ns is None else start_ns, _FOREVER_NS if end_ns is None else end_ns
+    )
 
 
 def places_of(places: Sequence[Place], want: Wanted) -> list[Place]:
