@@ -6,6 +6,7 @@ out of it; birch comes into the second one from its surroundings, cedar into the
 
 from __future__ import annotations
 
+import importlib.util
 import math
 import os
 import subprocess
@@ -20,13 +21,14 @@ import pyarrow.parquet as pq
 import pytest
 from ruamel.yaml import YAML
 
-from mapgraft.contracts import Transform
+from mapgraft.contracts import Observation, Transform
 from mapgraft_recordings.simulator import (
     Lidar,
     Limits,
     Robot,
     Waypoint,
     build_world,
+    observations,
     parse_plan,
     ros_messages,
     simulate,
@@ -34,6 +36,8 @@ from mapgraft_recordings.simulator import (
 from mapgraft_recordings.writing import write_mcap
 
 HERE = Path(__file__).parent
+if importlib.util.find_spec("mapgraft_landmarks") is None:  # for tests that use it in this process
+    sys.path.append(str(HERE / "landmarks" / "src"))
 LONGEST_S = 600  # a process that takes longer hangs; kernels may have to be compiled first
 DURATION_S = 70.0
 
@@ -91,6 +95,18 @@ def true_pose() -> Callable[[str, str], Transform]:
     """T_receiver_donor of two robots as it is in the world."""
     T = {robot.name: Transform.planar(*robot.T_world_map) for robot in ROBOTS}
     return lambda receiver, donor: T[receiver].inverse() @ T[donor]
+
+
+@pytest.fixture(scope="session")
+def scans() -> Callable[[str, float], list[Observation]]:
+    """What one robot observes in its first seconds."""
+    world = build_world(parse_plan(floor()), seed=0)
+
+    def of(name: str, duration_s: float) -> list[Observation]:
+        robots = [robot for robot in ROBOTS if robot.name == name]
+        return list(observations(robots, simulate(world, robots, 0, duration_s)))
+
+    return of
 
 
 @pytest.fixture(scope="session")
