@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Sequence
 from pathlib import PurePath
 
 MAP_WORDS = ("map",)
@@ -91,14 +91,17 @@ def robot_name(text: str) -> str:
     return name if name.strip("._") else "robot"
 
 
-def told_apart(names: Collection[str], path: PurePath) -> str:
-    """The shortest name of a file among others of the same stem: folders are put in front as far as needed."""
-    parts = [*path.parts[:-1], stem(path)]
-    for k in range(1, len(parts) + 1):
-        name = robot_name("_".join(part.strip("/") for part in parts[-k:]))
-        if name not in names:
-            return name
-    return robot_name("_".join(parts))
+def told_apart(paths: Sequence[PurePath]) -> list[str]:
+    """A name for each of several files: its stem, with as many folders before it as it takes to tell them apart."""
+    parts = [[*(part.strip("/") for part in path.parts[:-1]), stem(path)] for path in paths]
+    depth = [1] * len(paths)
+    while True:
+        names = [robot_name("_".join(filter(None, part[-k:]))) for part, k in zip(parts, depth, strict=True)]
+        again = [k for k, name in enumerate(names) if names.count(name) > 1 and depth[k] < len(parts[k])]
+        if not again:
+            return [name if names.index(name) == k else f"{name}_{k}" for k, name in enumerate(names)]
+        for k in again:
+            depth[k] += 1
 
 
 def _says(frame: str, words: tuple[str, ...]) -> bool:

@@ -12,7 +12,6 @@ from mapgraft.recording.naming import (
     is_costmap,
     robot_name,
     robot_namespace,
-    stem,
     told_apart,
 )
 from mapgraft.recording.poses.frames import roles_of
@@ -38,24 +37,18 @@ class FoundRobot:
 
 
 def discover(glimpses: Sequence[Glimpse]) -> tuple[FoundRobot, ...]:
-    """All robots of all sources; a name that several sources have becomes ``name@stem``, one per session."""
-    per_source = [_robots_of(g) for g in glimpses]
-    names = Counter(name for robots in per_source for name in {robot.name for robot in robots})
-    taken: set[str] = set()
-    found: list[FoundRobot] = []
-    for robots in per_source:
-        for robot in robots:
-            name = robot.name
-            if names[name] > 1:
-                path = robot.glimpse.source.path
-                mark = robot_name(stem(path))
-                name = f"{name}@{mark}" if f"{name}@{mark}" not in taken else f"{name}@{told_apart(taken, path)}"
-            taken.add(name)
-            found.append(replace(robot, name=name))
-    return tuple(found)
+    """All robots of all sources; a name that several sources have becomes ``name@file``, one per session."""
+    marks = told_apart([g.source.path for g in glimpses])
+    per_source = [_robots_of(g, mark) for g, mark in zip(glimpses, marks, strict=True)]
+    names = Counter(robot.name for robots in per_source for robot in robots)
+    return tuple(
+        replace(robot, name=f"{robot.name}@{mark}") if names[robot.name] > 1 else robot
+        for robots, mark in zip(per_source, marks, strict=True)
+        for robot in robots
+    )
 
 
-def _robots_of(g: Glimpse) -> list[FoundRobot]:
+def _robots_of(g: Glimpse, mark: str) -> list[FoundRobot]:
     sensors = [seen for seen in g.payloads if seen.kind != GRID_MESSAGE]
     maps = [seen for seen in g.payloads if seen.kind == GRID_MESSAGE]
     robots = [_with_sensors(g, group) for group in _by_robot(g, sensors)]
@@ -66,7 +59,7 @@ def _robots_of(g: Glimpse) -> list[FoundRobot]:
         robots = [_with_maps(g, group) for group in _by_namespace(shared)]
         shared = []
     costs += tuple(f"{seen.topic} is a map of no robot in particular" for seen in shared)
-    return [replace(robot, unused=(*robot.unused, *costs)) for robot in _named(g, robots)]
+    return [replace(robot, unused=(*robot.unused, *costs)) for robot in _named(mark, robots)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,12 +175,12 @@ def _with_maps(g: Glimpse, maps: Sequence[SeenPayload]) -> FoundRobot:
     return _add_maps(FoundRobot("", g, namespace, (), (), frozenset({maps[0].frame})), maps)
 
 
-def _named(g: Glimpse, robots: Sequence[FoundRobot]) -> list[FoundRobot]:
-    """Names by namespace, else by the prefix of the frames, else by the file."""
+def _named(mark: str, robots: Sequence[FoundRobot]) -> list[FoundRobot]:
+    """Names by namespace, else by the prefix of the frames, else by the file's ``mark``."""
     wishes = []
     for robot in robots:
         frame = robot.base_frame or min(robot.frames, default="")
-        wishes.append((*robot.namespace[-1:], *filter(None, [frame_prefix(frame)]), stem(g.source.path)))
+        wishes.append((*robot.namespace[-1:], *filter(None, [frame_prefix(frame)]), mark))
     taken: set[str] = set()
     named = []
     for robot, wish in zip(robots, wishes, strict=True):

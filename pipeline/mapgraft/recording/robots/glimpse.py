@@ -39,6 +39,11 @@ class SeenPayload:
     def topic(self) -> str:
         return self.channel.topic
 
+    @property
+    def times(self) -> tuple[Stamped, ...]:
+        """All times seen; one entry means that there is one message."""
+        return (*self.first, *self.last) if len(self.first) > 1 else self.first
+
 
 @dataclass(frozen=True, slots=True)
 class SeenPoses:

@@ -164,7 +164,7 @@ def _range(
         last = last if window.until_ns is None else min(last, window.until_ns - INDEX_STEP_NS)
         return Range(window.from_ns, last) if last >= window.from_ns else None
     if window is None:
-        found = [(p.topic, t) for p in seen for t in (*p.first, *p.last)]
+        found = [(p.topic, t) for p in seen for t in p.times]
     else:
         found = [
             (p.topic, t)

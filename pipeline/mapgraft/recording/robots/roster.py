@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mapgraft.config import Config, RobotConfig
 from mapgraft.contracts import ConfigError, RecordingError
-from mapgraft.recording.naming import robot_name, stem, told_apart
+from mapgraft.recording.naming import stem, told_apart
 from mapgraft.recording.robots.discovery import FoundRobot, discover
 from mapgraft.recording.robots.glimpse import Glimpse
 from mapgraft.recording.robots.library import Library
@@ -85,12 +85,8 @@ def _discovered(glimpses: Sequence[Glimpse], config: Config) -> tuple[FoundRobot
     )
 
 
-def _named_maps(paths: Iterable[Path]) -> dict[str, Path]:
-    named: dict[str, Path] = {}
-    for path in paths:
-        name = robot_name(stem(path))
-        named[name if name not in named else told_apart(named, path)] = path
-    return named
+def _named_maps(paths: Sequence[Path]) -> dict[str, Path]:
+    return dict(zip(told_apart(paths), paths, strict=True))
 
 
 def _matches(path: Path, pattern: str) -> bool:
@@ -172,7 +168,8 @@ class _Call:
 
     def _one_per_file(self, name: str, candidates: list[FoundRobot], robot: RobotConfig) -> list[FoundRobot]:
         if len(candidates) > 1:
-            candidates = [r for r in candidates if r.name.partition("@")[0] == name] or _with_topics(candidates, robot)
+            named = [r for r in candidates if r.name.partition("@")[0] == name]
+            candidates = named or _with_topics(candidates, robot) or candidates
         files = {r.glimpse.source.path for r in candidates}
         if not candidates:
             raise ConfigError(f"robots.{name}: the recording shows no such robot: {self._there_are()}; name its source")

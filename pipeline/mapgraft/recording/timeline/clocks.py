@@ -71,7 +71,7 @@ def times_of(glimpses: Sequence[Glimpse], payloads: Sequence[SeenPayload], poses
 
     What the stamp of a ready map means differs from mapper to mapper: a map counts from when it was recorded.
     """
-    stamps = {payload.topic: (*payload.first, *payload.last) for payload in payloads}
+    stamps = {payload.topic: payload.times for payload in payloads}
     if payloads[0].kind == GRID_MESSAGE:
         logs = [[Stamped(t.log_ns, t.log_ns) for t in times] for times in stamps.values()]
         clock = clock_of(logs)
@@ -92,7 +92,7 @@ def times_of(glimpses: Sequence[Glimpse], payloads: Sequence[SeenPayload], poses
 
 def _offset_of_source(glimpses: Sequence[Glimpse]) -> int:
     """How far the stamps of a recording usually lie after the times of recording; 0 where nothing tells."""
-    sensors = [(*p.first, *p.last) for g in glimpses for p in g.payloads if p.kind != GRID_MESSAGE]
+    sensors = [p.times for g in glimpses for p in g.payloads if p.kind != GRID_MESSAGE]
     edges = [edge.times for g in glimpses for edge in g.edges if not edge.fixed]
     offsets = [offset_of(times) for times in (sensors or edges)]
     return min(offsets, key=abs, default=0)
@@ -112,11 +112,10 @@ def clock_of(topics: Sequence[Sequence[Stamped]]) -> Clock:
 
 
 def _clock_of_topic(times: Sequence[Stamped]) -> Clock:
-    if times[0].stamp_ns > 0 and (len(times) == 1 or times[-1].stamp_ns > times[0].stamp_ns):
+    alone = len(times) == 1
+    if times[0].stamp_ns > 0 and (alone or times[-1].stamp_ns > times[0].stamp_ns):
         return "header"
-    if len(times) == 1 or times[-1].log_ns > times[0].log_ns:
-        return "log"
-    return "index"
+    return "log" if alone or times[-1].log_ns > times[0].log_ns else "index"
 
 
 def offset_of(times: Sequence[Stamped]) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -118,10 +119,8 @@ class Intake:
         if window is not None and not window.holds(number * INDEX_STEP_NS if times.clock == "index" else read.log_ns):
             topic.tally.outside += 1
             return None
-        try:
-            opened = self._payloads.open(source, read)
-        except RecordingError as error:
-            topic.tally.drop("undecodable", read.log_ns, str(error))
+        opened = self._opened(topic, source, read)
+        if opened is None:
             return None
         if times.clock == "index":
             robot_ns = number * INDEX_STEP_NS
@@ -137,6 +136,29 @@ class Intake:
             topic.tally.thinned += 1
             return None
         return Waiting(stamp_ns, self._order, k, number, read.log_ns, robot_ns, opened, self)
+
+    def standing(self, source: Source) -> list[Waiting]:
+        """The ready maps that hold when the mission starts: of each topic the last one recorded before."""
+        start_ns, plan = self._limits.start_ns, self.plan
+        if start_ns is None or plan.window is not None or plan.times.clock == "index":
+            return []
+        robot_ns = start_ns - self._shift_ns
+        found = []
+        for k, topic in enumerate(self._topics):
+            before_ns = robot_ns - plan.times.offset_ns - 1
+            maps = source.messages([topic.name], None, before_ns) if topic.kind == GRID_MESSAGE else ()
+            for raw in deque(maps, maxlen=1):
+                topic.tally.read += 1
+                if opened := self._opened(topic, source, raw):
+                    found.append(Waiting(start_ns, self._order, k, -1, raw.log_ns, robot_ns, opened, self))
+        return found
+
+    def _opened(self, topic: _Topic, source: Source, read: Read) -> Opened | None:
+        try:
+            return self._payloads.open(source, read)
+        except RecordingError as error:
+            topic.tally.drop("undecodable", read.log_ns, str(error))
+            return None
 
     def settled(self, waiting: Waiting, patience_ns: int) -> bool:
         """Whether waiting longer would tell no more about the payload's pose.

@@ -89,6 +89,10 @@ class Stream:
         for tree in self._trees.values():
             for feed in tree.feeds:
                 feed.gather_fixed()
+        for intake in self._intakes:
+            for source in self._sources:
+                for standing in intake.standing(source):
+                    heapq.heappush(self._waiting, standing)
         handlers = [self._handlers(k) for k in range(len(self._sources))]
         waiting, ripe_ns = self._waiting, self._reorder_ns
         for k, read in self._messages([sorted(by_topic) for by_topic in handlers]):
@@ -211,7 +215,7 @@ def _file_reading(plan: RobotPlan) -> Reading:
 def _lag(members: Sequence[Member]) -> int:
     """How much longer some topics take from stamp to recording than others, in nanoseconds."""
     lags = [
-        offset_of((*seen.first, *seen.last)) + member.shift_ns
+        offset_of(seen.times) + member.shift_ns
         for member in members
         for seen in member.plan.payloads
         if member.plan.times.clock == "header" and seen.topic not in member.plan.times.by_log
@@ -247,5 +251,5 @@ def _bounds(members: Sequence[Member], limits: Limits) -> tuple[int | None, int 
 
 def _steady(plan: RobotPlan) -> bool:
     """Whether stamps run as fast as the time of recording, so that the one tells the other."""
-    offsets = [t.stamp_ns - t.log_ns for seen in plan.payloads for t in (*seen.first, *seen.last)]
+    offsets = [t.stamp_ns - t.log_ns for seen in plan.payloads for t in seen.times]
     return plan.times.clock == "log" or max(offsets) - min(offsets) < REORDER_NS
