@@ -62,7 +62,7 @@ class TileIndex:
         capacity = self._keys.size
         while capacity < needed:
             capacity *= 2
-        self._keys = np.resize(self._keys, capacity)
+        self._keys = enlarged(self._keys, capacity)
         self._table = np.full(2 * capacity, -1, np.int32)
         index.rebuild(self._table, self._keys, self._size)
 

@@ -13,6 +13,7 @@ import pytest
 
 from mapgraft.contracts import GRID_MESSAGE, SCAN, GridMessage, Observation, Scan, Transform
 from mapgraft_grid.grid_map import GridMap
+from mapgraft_grid.layer import GridLayer
 from mapgraft_grid.map_type import OccupancyGrid
 
 MakeScan = Callable[..., Observation]
@@ -45,6 +46,38 @@ def scan_of() -> MakeScan:
         return _observation(SCAN, scan, Transform.planar(*pose), stamp_ns, sensor)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def walked(scan_of: MakeScan) -> Callable[..., GridLayer]:
+    """Makes a layer of some scans from random places, of 40 beams that end anywhere up to 5 m away."""
+
+    def make(grid: OccupancyGrid, seed: int, scans: int = 6, returned: float = 1.0) -> GridLayer:
+        random = np.random.default_rng(seed)
+        layer = grid.new_layer()
+        for _ in range(scans):
+            pose = (*random.uniform(-2, 2, 2), random.uniform(-math.pi, math.pi))
+            ranges, hits = random.uniform(0.5, 5.0, 40), random.random(40) < returned
+            grid.integrate(layer, scan_of(np.linspace(-2, 2, 40), ranges, hits, pose))
+        return layer
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def counts_of() -> Callable[[GridLayer], dict[tuple[int, int], tuple[int, int]]]:
+    """Tells the (hits, misses) of all cells (ix, iy) of a layer that have any."""
+
+    def tell(layer: GridLayer) -> dict[tuple[int, int], tuple[int, int]]:
+        keys = np.sort(layer.pool.index.keys)
+        hits, misses = layer.pool.counts(keys)
+        tile_x, tile_y = (keys & ((1 << 26) - 1)) - (1 << 25), (keys >> 26) - (1 << 25)
+        return {
+            (int(64 * tile_x[t] + c), int(64 * tile_y[t] + r)): (int(hits[t, r, c]), int(misses[t, r, c]))
+            for t, r, c in np.argwhere(hits | misses)
+        }
+
+    return tell
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -17,17 +16,9 @@ from mapgraft_grid.region import GridRegion
 from mapgraft_grid.weights import TileWeights
 
 MakeScan = Callable[..., Observation]
+Walked = Callable[..., GridLayer]
 
 SHAPE, ORIGIN = (160, 200), (-90, -70)
-
-
-def _layer(grid: OccupancyGrid, scan_of: MakeScan, seed: int) -> GridLayer:
-    random = np.random.default_rng(seed)
-    layer = grid.new_layer()
-    for _ in range(6):
-        pose = (*random.uniform(-2, 2, 2), random.uniform(-math.pi, math.pi))
-        grid.integrate(layer, scan_of(np.linspace(-2, 2, 30), random.uniform(0.5, 5.0, 30), True, pose))
-    return layer
 
 
 def _contribution(grid: OccupancyGrid, layer: GridLayer, weight: int = 1) -> Contribution:
@@ -41,9 +32,9 @@ def _contribution(grid: OccupancyGrid, layer: GridLayer, weight: int = 1) -> Con
 
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**31), weight=st.integers(0, 3))
-def test_what_was_baked_in_looks_like_what_was_added(scan_of: MakeScan, seed: int, weight: int) -> None:
+def test_what_was_baked_in_looks_like_what_was_added(walked: Walked, seed: int, weight: int) -> None:
     grid = OccupancyGrid(resolution_m=0.1)
-    own, donor = _layer(grid, scan_of, seed), _layer(grid, scan_of, seed + 1)
+    own, donor = walked(grid, seed), walked(grid, seed + 1)
     contribution = _contribution(grid, donor, weight)
     expected = grid.view(own, (contribution,)).dense_over(ORIGIN, SHAPE).log_odds
     before = grid.view(own)
@@ -60,9 +51,9 @@ def test_what_was_baked_in_looks_like_what_was_added(scan_of: MakeScan, seed: in
 
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**31))
-def test_discarding_counts_what_it_says(scan_of: MakeScan, seed: int) -> None:
+def test_discarding_counts_what_it_says(walked: Walked, seed: int) -> None:
     grid = OccupancyGrid(resolution_m=0.1)
-    own, donor = _layer(grid, scan_of, seed), _layer(grid, scan_of, seed + 1)
+    own, donor = walked(grid, seed), walked(grid, seed + 1)
     original = grid.view(own).dense_over(ORIGIN, SHAPE).log_odds
     updated = grid.region(own)
     foreign = grid.absorb(own, _contribution(grid, donor))
@@ -80,10 +71,10 @@ def test_discarding_counts_what_it_says(scan_of: MakeScan, seed: int) -> None:
     assert (again.cells_reset, again.cells_contaminated) == (0, result.cells_contaminated)
 
 
-def test_cells_that_were_reset_hold_no_donor_any_more(scan_of: MakeScan) -> None:
+def test_cells_that_were_reset_hold_no_donor_any_more(walked: Walked, scan_of: MakeScan) -> None:
     """Merge, discard, observe: what is observed afterwards is the robot's own and not contaminated."""
     grid = OccupancyGrid(resolution_m=0.1)
-    own, donor = grid.new_layer(), _layer(grid, scan_of, 1)
+    own, donor = grid.new_layer(), walked(grid, 1)
     nothing = GridRegion.empty(own.lattice)
     foreign = grid.absorb(own, _contribution(grid, donor))
     first = grid.reset(own, foreign, nothing)
@@ -95,11 +86,11 @@ def test_cells_that_were_reset_hold_no_donor_any_more(scan_of: MakeScan) -> None
     assert grid.region(own) == updated
 
 
-def test_regions_of_other_cells_reset_nothing(scan_of: MakeScan) -> None:
+def test_regions_of_other_cells_reset_nothing(walked: Walked) -> None:
     grid = OccupancyGrid(resolution_m=0.1)
-    own = _layer(grid, scan_of, 4)
+    own = walked(grid, 4)
     fine = OccupancyGrid(resolution_m=0.05)
-    other = fine.region(_layer(fine, scan_of, 4))
+    other = fine.region(walked(fine, 4))
     with pytest.raises(MapError, match="cannot be reset"):
         grid.reset(own, other, other)
 
@@ -119,9 +110,9 @@ def test_two_donors_add_up_and_overflow_is_refused(scan_of: MakeScan) -> None:
     assert grid.encode(own) == before
 
 
-def test_a_layer_with_others_inside_is_not_given_away(scan_of: MakeScan) -> None:
+def test_a_layer_with_others_inside_is_not_given_away(walked: Walked) -> None:
     grid = OccupancyGrid(resolution_m=0.1)
-    own, donor = _layer(grid, scan_of, 2), _layer(grid, scan_of, 3)
+    own, donor = walked(grid, 2), walked(grid, 3)
     grid.absorb(own, _contribution(grid, donor))
     with pytest.raises(MapError, match="absorbed other sources"):
         grid.place(own, Transform.identity())

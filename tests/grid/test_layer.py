@@ -17,17 +17,7 @@ from mapgraft_grid.map_type import OccupancyGrid
 from mapgraft_grid.region import GridRegion
 
 MakeScan = Callable[..., Observation]
-
-
-def _counts(layer: GridLayer) -> dict[tuple[int, int], tuple[int, int]]:
-    """Cell → (hits, misses) of all cells with counts."""
-    keys = np.sort(layer.pool.index.keys)
-    hits, misses = layer.pool.counts(keys)
-    tile_x, tile_y = (keys & ((1 << 26) - 1)) - (1 << 25), (keys >> 26) - (1 << 25)
-    return {
-        (int(64 * tile_x[t] + c), int(64 * tile_y[t] + r)): (int(hits[t, r, c]), int(misses[t, r, c]))
-        for t, r, c in np.argwhere(hits | misses)
-    }
+CountsOf = Callable[[GridLayer], dict[tuple[int, int], tuple[int, int]]]
 
 
 def _scans(scan_of: MakeScan, seed: int, count: int) -> list[Observation]:
@@ -48,7 +38,7 @@ def _scans(scan_of: MakeScan, seed: int, count: int) -> list[Observation]:
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 6), order=st.randoms(use_true_random=False))
 def test_counts_are_the_sums_of_single_scans_in_any_order(
-    scan_of: MakeScan, seed: int, count: int, order: Random
+    scan_of: MakeScan, counts_of: CountsOf, seed: int, count: int, order: Random
 ) -> None:
     grid = OccupancyGrid(resolution_m=0.1)
     scans = _scans(scan_of, seed, count)
@@ -57,7 +47,7 @@ def test_counts_are_the_sums_of_single_scans_in_any_order(
     for scan in scans:
         single = grid.new_layer()
         union = union.union(grid.integrate(single, scan))
-        for cell, (hits, misses) in _counts(single).items():
+        for cell, (hits, misses) in counts_of(single).items():
             assert hits + misses == 1, "one update per cell and scan"
             before = expected.get(cell, (0, 0))
             expected[cell] = (before[0] + hits, before[1] + misses)
@@ -65,12 +55,12 @@ def test_counts_are_the_sums_of_single_scans_in_any_order(
     layer = grid.new_layer()
     for scan in scans:
         grid.integrate(layer, scan)
-    assert _counts(layer) == expected
+    assert counts_of(layer) == expected
     assert grid.region(layer) == union
     assert layer.observations == count
 
 
-def test_counts_go_beyond_sixteen_bits_without_loss(scan_of: MakeScan) -> None:
+def test_counts_go_beyond_sixteen_bits_without_loss(scan_of: MakeScan, counts_of: CountsOf) -> None:
     grid = OccupancyGrid(resolution_m=0.5, rays_per_tile=0, poses_per_tile=0)
     layer = grid.new_layer()
     scan, other = scan_of(0.0, 2.0), scan_of(math.pi / 2, 2.0)
@@ -78,7 +68,7 @@ def test_counts_go_beyond_sixteen_bits_without_loss(scan_of: MakeScan) -> None:
     for _ in range(looks):
         grid.integrate(layer, scan)
     grid.integrate(layer, other)
-    counts = _counts(layer)
+    counts = counts_of(layer)
     assert counts[4, 0] == (looks, 0)
     assert counts[1, 0] == (0, looks)
     assert counts[0, 0] == (0, looks + 1)
@@ -88,26 +78,26 @@ def test_counts_go_beyond_sixteen_bits_without_loss(scan_of: MakeScan) -> None:
     assert seen.log_odds.max() == grid.thresholds.clamp
     data = grid.encode(layer)
     again = grid.decode(data)
-    assert _counts(again) == counts
+    assert counts_of(again) == counts
     assert grid.encode(again) == data
-    assert _counts(grid.place(layer, Transform.identity())) == counts
+    assert counts_of(grid.place(layer, Transform.identity())) == counts
     foreign = grid.region(layer)
     assert grid.reset(layer, foreign, GridRegion.empty(foreign.lattice)).cells_reset == len(counts)
-    assert not _counts(layer)
+    assert not counts_of(layer)
 
 
-def test_a_tile_that_was_only_looked_at_often_stays_narrow(scan_of: MakeScan) -> None:
+def test_a_tile_that_was_only_looked_at_often_stays_narrow(scan_of: MakeScan, counts_of: CountsOf) -> None:
     grid = OccupancyGrid(resolution_m=0.5, rays_per_tile=0, poses_per_tile=0)
     layer = grid.new_layer()
     scans = [scan_of(angle, 3.0, True, (0.75, 0.75, 0.0)) for angle in (0.0, 1.0, 2.0, 3.0)]
     for number in range(66_000):
         grid.integrate(layer, scans[number % 4])
     grid_origin = (1, 1)
-    assert _counts(layer)[grid_origin] == (0, 66_000)
-    assert sum(hits for hits, _ in _counts(layer).values()) == 66_000
+    assert counts_of(layer)[grid_origin] == (0, 66_000)
+    assert sum(hits for hits, _ in counts_of(layer).values()) == 66_000
 
 
-def test_a_far_point_costs_a_tile_and_not_a_world(scan_of: MakeScan) -> None:
+def test_a_far_point_costs_a_tile_and_not_a_world(scan_of: MakeScan, counts_of: CountsOf) -> None:
     grid = OccupancyGrid(resolution_m=0.05)
     layer = grid.new_layer()
     grid.integrate(layer, scan_of(0.0, 1.0))
@@ -115,7 +105,7 @@ def test_a_far_point_costs_a_tile_and_not_a_world(scan_of: MakeScan) -> None:
     grid.integrate(layer, scan_of(0.0, 1.0, True, (far, -far, 0.0), stamp_ns=1))
     assert len(layer.pool.index) <= 4
     assert layer.pool.hits.nbytes < 1_000_000
-    assert len(_counts(layer)) in (41, 42)
+    assert len(counts_of(layer)) in (41, 42)
     seen = grid.view(layer)
     with pytest.raises(MapError, match="cells was asked for"):
         seen.dense()
@@ -123,20 +113,20 @@ def test_a_far_point_costs_a_tile_and_not_a_world(scan_of: MakeScan) -> None:
     assert (abs(layer.rays().ends_m - [[far + 1.0, -far], [1.0, 0.0]]) < 0.001).all()
 
 
-def test_the_lattice_is_in_the_layers_own_frame(scan_of: MakeScan) -> None:
+def test_the_lattice_is_in_the_layers_own_frame(scan_of: MakeScan, counts_of: CountsOf) -> None:
     grid = OccupancyGrid(resolution_m=0.1)
     layer = grid.new_layer()
     grid.integrate(layer, scan_of(0.0, 0.35, True, (-0.02, -0.02, 0.0)))
-    assert _counts(layer) == {(-1, -1): (0, 1), (0, -1): (0, 1), (1, -1): (0, 1), (2, -1): (0, 1), (3, -1): (1, 0)}
+    assert counts_of(layer) == {(-1, -1): (0, 1), (0, -1): (0, 1), (1, -1): (0, 1), (2, -1): (0, 1), (3, -1): (1, 0)}
 
 
-def test_sensors_tilted_and_upside_down_are_seen_in_the_plane(scan_of: MakeScan) -> None:
+def test_sensors_tilted_and_upside_down_are_seen_in_the_plane(scan_of: MakeScan, counts_of: CountsOf) -> None:
     grid = OccupancyGrid(resolution_m=0.1)
     flipped = Transform.from_quaternion((0.05, 0.05, 0.7), (1.0, 0.0, 0.0, 0.0))
     scan = scan_of(math.pi / 2, 1.0)
     layer = grid.new_layer()
     grid.integrate(layer, Observation("robot", 0, 0, "laser", "scan", scan.payload, flipped, Transform.identity()))
-    assert _counts(layer)[0, -10] == (1, 0)
+    assert counts_of(layer)[0, -10] == (1, 0)
 
 
 def test_a_layer_says_what_made_it(scan_of: MakeScan) -> None:

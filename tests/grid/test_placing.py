@@ -17,29 +17,11 @@ from mapgraft_grid.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
 from mapgraft_grid.layer import GridLayer
 from mapgraft_grid.map_type import OccupancyGrid
 
-MakeScan = Callable[..., Observation]
+Walked = Callable[..., GridLayer]
 MakeMessage = Callable[..., Observation]
 
 Cells = dict[tuple[int, int], tuple[int, int]]
-
-
-def _counts(layer: GridLayer) -> Cells:
-    keys = np.sort(layer.pool.index.keys)
-    hits, misses = layer.pool.counts(keys)
-    tile_x, tile_y = (keys & ((1 << 26) - 1)) - (1 << 25), (keys >> 26) - (1 << 25)
-    return {
-        (int(64 * tile_x[t] + c), int(64 * tile_y[t] + r)): (int(hits[t, r, c]), int(misses[t, r, c]))
-        for t, r, c in np.argwhere(hits | misses)
-    }
-
-
-def _layer(grid: OccupancyGrid, scan_of: MakeScan, seed: int, scans: int = 6) -> GridLayer:
-    random = np.random.default_rng(seed)
-    layer = grid.new_layer()
-    for _ in range(scans):
-        pose = (*random.uniform(-2, 2, 2), random.uniform(-math.pi, math.pi))
-        grid.integrate(layer, scan_of(np.linspace(-2, 2, 40), random.uniform(0.5, 5.0, 40), True, pose))
-    return layer
+CountsOf = Callable[[GridLayer], Cells]
 
 
 def _nearest(cells: Cells, source_m: float, target_m: float, T: Transform, scale: float) -> Cells:
@@ -62,30 +44,27 @@ def _nearest(cells: Cells, source_m: float, target_m: float, T: Transform, scale
 
 
 @settings(max_examples=12, deadline=None)
-@given(
-    seed=st.integers(0, 2**31),
-    pose=st.tuples(st.floats(-20, 20), st.floats(-20, 20), st.floats(-math.pi, math.pi)),
-    target=st.sampled_from([0.2, 0.15, 0.1, 0.07]),
-    scale=st.sampled_from([1.0, 1.1]),
-)
+@given(seed=st.integers(0, 2**31), target=st.sampled_from([0.2, 0.15, 0.1, 0.07]), scale=st.sampled_from([1.0, 1.1]))
 def test_finer_cells_take_the_cell_at_their_centre(
-    scan_of: MakeScan, seed: int, pose: tuple[float, float, float], target: float, scale: float
+    walked: Walked, counts_of: CountsOf, seed: int, target: float, scale: float
 ) -> None:
+    """Poses are drawn by the seed: at round numbers centres lie on edges, where floating point may say otherwise."""
+    pose = np.random.default_rng(seed).uniform(-20, 20, 3)
     grid, receiver = OccupancyGrid(resolution_m=0.2), OccupancyGrid(resolution_m=target)
-    layer = _layer(grid, scan_of, seed, 3)
+    layer = walked(grid, seed, 3)
     T = Transform.planar(*pose)
-    ours = _counts(receiver.place(layer, T, scale))
-    expected = _nearest(_counts(layer), 0.2, target, T, scale)
+    ours = counts_of(receiver.place(layer, T, scale))
+    expected = _nearest(counts_of(layer), 0.2, target, T, scale)
     different = [cell for cell in ours.keys() | expected.keys() if ours.get(cell) != expected.get(cell)]
     assert len(different) <= 0.0005 * len(expected), "only where a centre falls on an edge may rounding decide"
     assert receiver.resampler(layer, scale) == "nearest/1"
 
 
-def test_in_place_nothing_changes(scan_of: MakeScan) -> None:
+def test_in_place_nothing_changes(walked: Walked, counts_of: CountsOf) -> None:
     grid = OccupancyGrid()
-    layer = _layer(grid, scan_of, 1)
+    layer = walked(grid, 1)
     placed = grid.place(layer, Transform.identity())
-    assert _counts(placed) == _counts(layer)
+    assert counts_of(placed) == counts_of(layer)
     assert grid.region(placed) == grid.region(layer)
     assert (placed.sensor_model, placed.observations, placed.sensors) == (layer.sensor_model, 6, layer.sensors)
     for ours, theirs in zip(placed.rays(), layer.rays(), strict=True):
@@ -101,24 +80,24 @@ def test_in_place_nothing_changes(scan_of: MakeScan) -> None:
     resolution=st.sampled_from([0.05, 0.07, 0.1]),
 )
 def test_moves_by_whole_cells_and_quarter_turns_are_exact(
-    scan_of: MakeScan, seed: int, shift: tuple[int, int], quarters: int, resolution: float
+    walked: Walked, counts_of: CountsOf, seed: int, shift: tuple[int, int], quarters: int, resolution: float
 ) -> None:
     grid = OccupancyGrid(resolution_m=resolution)
-    layer = _layer(grid, scan_of, seed)
+    layer = walked(grid, seed)
     T = Transform.planar(shift[0] * resolution, shift[1] * resolution, quarters * math.pi / 2)
     c, s = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarters]
     expected = {}
-    for (x, y), counts in _counts(layer).items():
+    for (x, y), counts in counts_of(layer).items():
         u, v = 2 * x + 1, 2 * y + 1  # twice the centre
         expected[(c * u - s * v - 1) // 2 + shift[0], (s * u + c * v - 1) // 2 + shift[1]] = counts
     placed = grid.place(layer, T)
-    assert _counts(placed) == expected
-    assert _counts(grid.place(placed, T.snapped().inverse())) == _counts(layer)
+    assert counts_of(placed) == expected
+    assert counts_of(grid.place(placed, T.snapped().inverse())) == counts_of(layer)
 
 
-def test_placing_is_the_same_for_transforms_of_the_same_fixed_point(scan_of: MakeScan) -> None:
+def test_placing_is_the_same_for_transforms_of_the_same_fixed_point(walked: Walked) -> None:
     grid = OccupancyGrid(resolution_m=0.1)
-    layer = _layer(OccupancyGrid(resolution_m=0.07), scan_of, 2)
+    layer = walked(OccupancyGrid(resolution_m=0.07), 2)
     T = Transform.planar(1.0, 2.0, 0.3)
     near = Transform.planar(1.0 + 1e-7, 2.0, 0.3)
     assert near != T
@@ -126,10 +105,12 @@ def test_placing_is_the_same_for_transforms_of_the_same_fixed_point(scan_of: Mak
     assert grid.encode(grid.place(layer, T)) == grid.encode(grid.place(layer, near))
 
 
-def _centres(layer: GridLayer, target_m: float, T: Transform, occupied: int) -> tuple[Cells, set[tuple[int, int]]]:
+def _centres(
+    layer: GridLayer, counts: Cells, target_m: float, T: Transform, occupied: int
+) -> tuple[Cells, set[tuple[int, int]]]:
     """The rule for coarser cells from the donor's cells alone, and the target cells that have a centre in them."""
     source_m, snapped = layer.lattice.resolution_m, T.snapped()
-    counts, model = _counts(layer), layer.sensor_model
+    model = layer.sensor_model
     known = np.array(list(counts))
     low, high = known.min(axis=0) - 3, known.max(axis=0) + 4
     cells = np.stack(np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1])), axis=-1).reshape(-1, 2)
@@ -153,16 +134,15 @@ def _centres(layer: GridLayer, target_m: float, T: Transform, occupied: int) -> 
 
 @settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 2**31), target=st.sampled_from([0.15, 0.2, 0.37]))
-def test_coarser_cells_take_what_lies_in_them(scan_of: MakeScan, seed: int, target: float) -> None:
-    """Poses are drawn by the seed: at round numbers centres lie on edges, where floating point may say otherwise."""
-    pose = np.random.default_rng(seed).uniform(-20, 20, 3)
+def test_coarser_cells_take_what_lies_in_them(walked: Walked, counts_of: CountsOf, seed: int, target: float) -> None:
+    pose = np.random.default_rng(seed).uniform(-20, 20, 3)  # see above
     grid, receiver = OccupancyGrid(resolution_m=0.1), OccupancyGrid(resolution_m=target)
-    layer = _layer(grid, scan_of, seed, 3)
+    layer = walked(grid, seed, 3)
     T = Transform.planar(*pose)
-    ours = _counts(receiver.place(layer, T))
-    expected, covered = _centres(layer, target, T, receiver.thresholds.occupied)
+    ours = counts_of(receiver.place(layer, T))
+    expected, covered = _centres(layer, counts_of(layer), target, T, receiver.thresholds.occupied)
     different = [cell for cell in covered if ours.get(cell) != expected.get(cell)]
-    by_nearest = _nearest(_counts(layer), 0.1, target, T, 1.0)
+    by_nearest = _nearest(counts_of(layer), 0.1, target, T, 1.0)
     model = layer.sensor_model
     kept = [
         cell
@@ -255,9 +235,9 @@ def test_traces_move_with_the_layer(intel: list[Observation]) -> None:
         assert abs(expected - ray).max(axis=1).min() < 0.05 / 100
 
 
-def test_what_cannot_be_placed_says_why(scan_of: MakeScan) -> None:
+def test_what_cannot_be_placed_says_why(walked: Walked) -> None:
     grid = OccupancyGrid(resolution_m=0.1)
-    layer = _layer(grid, scan_of, 3)
+    layer = walked(grid, 3)
     with pytest.raises(EmptyMapError, match="without any evidence"):
         grid.place(grid.new_layer(), Transform.identity())
     for scale in (0.0, -1.0, math.nan, math.inf):

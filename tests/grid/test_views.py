@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -19,18 +18,9 @@ from mapgraft_grid.region import GridRegion
 from mapgraft_grid.weights import TileWeights
 
 MakeScan = Callable[..., Observation]
+Walked = Callable[..., GridLayer]
 
 SHAPE, ORIGIN = (160, 200), (-90, -70)
-
-
-def _layer(grid: OccupancyGrid, scan_of: MakeScan, seed: int, scans: int = 8) -> GridLayer:
-    random = np.random.default_rng(seed)
-    layer = grid.new_layer()
-    angles = np.linspace(-2, 2, 40)
-    for _ in range(scans):
-        pose = (*random.uniform(-2, 2, 2), random.uniform(-math.pi, math.pi))
-        grid.integrate(layer, scan_of(angles, random.uniform(0.5, 5.0, 40), random.random(40) < 0.8, pose))
-    return layer
 
 
 def _evidence(layer: GridLayer) -> NDArray[np.int64]:
@@ -74,14 +64,14 @@ def _same(one: GridMap, two: GridMap) -> bool:
 
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**31))
-def test_a_map_is_the_clamped_weighted_sum(scan_of: MakeScan, seed: int) -> None:
+def test_a_map_is_the_clamped_weighted_sum(walked: Walked, seed: int) -> None:
     random = np.random.default_rng(seed)
     grid = OccupancyGrid(resolution_m=0.1, clamp=3.0)
     stranger = OccupancyGrid(resolution_m=0.1, l_hit=1.2, l_miss=-0.3)
     own, donor, other = (
-        _layer(grid, scan_of, seed),
-        _layer(stranger, scan_of, seed + 1),
-        _layer(grid, scan_of, seed + 2),
+        walked(grid, seed),
+        walked(stranger, seed + 1),
+        walked(grid, seed + 2),
     )
     tiles = np.sort(donor.pool.index.keys)
     listed = random.random(tiles.size) < 0.8
@@ -123,7 +113,7 @@ STEPS = st.lists(
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**31), steps=STEPS)
 def test_any_interleaving_ends_at_the_layers_that_are_left(
-    scan_of: MakeScan, seed: int, steps: list[tuple[str, int]]
+    walked: Walked, scan_of: MakeScan, seed: int, steps: list[tuple[str, int]]
 ) -> None:
     """Observe, merge, replace and revert in any order, looking now and then: incremental equals fresh, bit for bit."""
     grid = OccupancyGrid(resolution_m=0.1)
@@ -143,7 +133,7 @@ def test_any_interleaving_ends_at_the_layers_that_are_left(
         if step == "merge" or step == "replace":
             if donor in standing:
                 touched = touched.union(_changed(standing.pop(donor)))
-            layer = _layer(grid, scan_of, seed + 17 * number + donor, 3)
+            layer = walked(grid, seed + 17 * number + donor, 3)
             tiles = np.sort(layer.pool.index.keys)
             weights = TileWeights(tiles, random.integers(0, 4, tiles.size).astype(np.uint8))
             fill = GridRegion.from_mask(own.lattice, ORIGIN, random.random(SHAPE) < 0.5)
@@ -165,10 +155,10 @@ def _changed(contribution: Contribution) -> GridRegion:
     return contribution.region
 
 
-def test_looking_changes_nothing_and_old_maps_stay(scan_of: MakeScan) -> None:
+def test_looking_changes_nothing_and_old_maps_stay(walked: Walked, scan_of: MakeScan) -> None:
     grid = OccupancyGrid(resolution_m=0.1)
-    own = _layer(grid, scan_of, 3)
-    donor = _layer(grid, scan_of, 4)
+    own = walked(grid, 3)
+    donor = walked(grid, 4)
     before = (grid.encode(own), grid.encode(donor))
     first = grid.view(own, (_contribution(grid, donor),))
     frozen = {key: tile.log_odds.copy() for key, tile in first.tiles.items()}
@@ -198,17 +188,17 @@ def test_an_empty_map_says_so() -> None:
     assert (told.bounds_m, told.known_area_m2, told.can_send) == (None, 0.0, ("counts",))
 
 
-def test_one_layer_alone_is_seen_in_its_own_resolution(scan_of: MakeScan) -> None:
+def test_one_layer_alone_is_seen_in_its_own_resolution(walked: Walked) -> None:
     fine = OccupancyGrid(resolution_m=0.05)
-    layer = _layer(fine, scan_of, 5)
+    layer = walked(fine, 5)
     coarse = OccupancyGrid(resolution_m=0.2)
     assert coarse.view(layer).resolution_m == 0.05
     assert _same(coarse.view(layer), fine.view(layer))
 
 
-def test_contributions_must_lie_on_the_own_lattice(scan_of: MakeScan) -> None:
+def test_contributions_must_lie_on_the_own_lattice(walked: Walked) -> None:
     grid = OccupancyGrid(resolution_m=0.1)
-    donor = _layer(OccupancyGrid(resolution_m=0.05), scan_of, 6)
+    donor = walked(OccupancyGrid(resolution_m=0.05), 6)
     with pytest.raises(MapError, match="place the donor's layer first"):
         grid.view(grid.new_layer(), (_contribution(grid, donor),))
     placed = grid.place(donor, Transform.identity())
@@ -231,9 +221,9 @@ def test_weights_must_be_what_they_say() -> None:
             TileWeights(bad_keys, bad_counts)
 
 
-def test_windows_may_lie_anywhere(scan_of: MakeScan) -> None:
+def test_windows_may_lie_anywhere(walked: Walked) -> None:
     grid = OccupancyGrid(resolution_m=0.1)
-    seen = grid.view(_layer(grid, scan_of, 7))
+    seen = grid.view(walked(grid, 7))
     whole = seen.dense_over(ORIGIN, SHAPE)
     part = seen.dense_over((ORIGIN[0] + 17, ORIGIN[1] + 33), (50, 71))
     assert (part.log_odds == whole.log_odds[33:83, 17:88]).all()
