@@ -143,4 +143,6 @@ def _pose(record: PoseRecord) -> Any:
 def _header(stamp_ns: int, frame: str) -> Any:
     types = ros2_types().types
     sec, nanosec = divmod(stamp_ns, 10**9)
+    if not -(2**31) <= sec < 2**31:
+        raise RecordingError(f"a stamp of {sec} s does not fit a ROS 2 header")
     return types[_HEADER](stamp=types["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec), frame_id=frame)

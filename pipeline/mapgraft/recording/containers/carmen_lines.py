@@ -33,6 +33,7 @@ LASER_FRAMES = {
 TRUE_FRAME = "world"
 
 _MOST_BEAMS = 100_000
+_LONGEST_M = 1e6
 _NARROW_FIELD = {401: math.radians(0.25), 400: math.radians(0.25)}  # SICK LMS: 100 degrees in quarters
 
 Pose = tuple[float, float, float]  # x m, y m, yaw rad
@@ -135,7 +136,7 @@ def _robot_laser(words: list[bytes]) -> ScanLine:
     if step <= 0 and n > 1:
         step = field / (n - 1)
     poses = 9 + n + 1 + _count(words, 9 + n)
-    stated = longest if math.isfinite(longest) and longest > 0 else math.inf
+    stated = longest if 0 < longest < _LONGEST_M else math.inf
     return ScanLine(_ranges(words, 9, n), start, step, stated, _pose(words, poses), _pose(words, poses + 3))
 
 
@@ -159,7 +160,8 @@ def pose_line(keyword: str, words: list[bytes]) -> tuple[str, Pose]:
 def _ranges(words: list[bytes], at: int, n: int) -> NDArray[np.float32]:
     if at + n > len(words):
         raise ValueError("the line ends before its last reading")
-    ranges = np.array([float(word) for word in words[at : at + n]], np.float32)
+    with np.errstate(over="ignore"):
+        ranges = np.array([float(word) for word in words[at : at + n]]).astype(np.float32)
     ranges.setflags(write=False)
     return ranges
 

@@ -70,8 +70,9 @@ SCAN_READERS: dict[str, Callable[[Any], ScanMessage]] = {
 
 def _ranges(values: Any) -> NDArray[np.float32]:
     if not isinstance(values, np.ndarray):
-        values = np.array([math.nan if value is None else float(value) for value in values], np.float32)
-    ranges: NDArray[np.float32] = values.astype(np.float32, copy=False)
+        values = np.array([math.nan if value is None else float(value) for value in values])
+    with np.errstate(over="ignore"):
+        ranges: NDArray[np.float32] = values.astype(np.float32, copy=False)
     ranges.setflags(write=False)
     return ranges
 

@@ -31,13 +31,12 @@ def scan_payload(message: ScanMessage) -> Scan:
     if len(ranges) > MOST_BEAMS:
         raise RecordingError(f"a scan of {len(ranges)} beams is not believable: the message is broken")
     directions = beam_directions(message.angle_min_rad, message.angle_increment_rad, len(ranges))
-    limit = np.float32(message.range_max_m)
-    if not (math.isfinite(limit) and limit > 0):
-        limit = np.float32(np.inf)
-    shortest = message.range_min_m if message.range_min_m > 0 else 0.0
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
+        limit = np.float32(message.range_max_m)
+        if not (np.isfinite(limit) and limit > 0):
+            limit = np.float32(np.inf)
         free = ranges >= limit
-        silent = ~(ranges > 0) | (ranges < np.float32(shortest))
+        silent = ~(ranges > 0) | (ranges < np.float32(message.range_min_m))  # never true for NaN
     ranges[free] = limit
     ranges[silent | np.isinf(ranges)] = np.nan
     ranges.setflags(write=False)
