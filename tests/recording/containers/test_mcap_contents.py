@@ -124,6 +124,17 @@ def test_a_definition_that_cannot_be_parsed(write_mcap: Any, ros2_scans: Any) ->
     assert source.faults.count("scan_undecodable") == 1
 
 
+def test_a_definition_cannot_run_code(write_mcap: Any, ros2_scans: Any, tmp_path: Any) -> None:
+    """Type names become Python code inside the decoder, so what is no name is refused."""
+    trap = tmp_path / "sprung"
+    name = f"a/msg/B:\n  open({str(trap)!r}, 'w')\nclass C"
+    source = McapSource(write_mcap([[ros2_scans.sample(1)._replace(schema=(name, "ros2msg", b"int32 x"))]]))
+    (message,) = source.messages()
+    with pytest.raises(RecordingError, match="cannot be the name of a message type"):
+        source.decode(message)
+    assert not trap.exists()
+
+
 def test_types_that_are_only_named_come_from_the_typestore(write_mcap: Any, ros2_scans: Any) -> None:
     named = ros2_scans.sample(1)._replace(schema=("sensor_msgs/msg/LaserScan", "ros2msg", b""))
     strange = ros2_scans.sample(2, "/strange")._replace(schema=("lab_msgs/msg/Beacon", "ros2msg", b""))

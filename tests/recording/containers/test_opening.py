@@ -28,8 +28,8 @@ from mapgraft.recording.source import Source
         (b"BZh91AY", "unpack it first (bunzip2)"),
         (b"\x28\xb5\x2f\xfd....", "unpack it first (unzstd)"),
         (b"PK\x03\x04....", "unpack it first (unzip)"),
-        (gzip.compress(b"#ROSBAG V2.0\n"), "unpack it first (gunzip)"),
-        (gzip.compress(b"hello"), "is not a recording"),
+        (gzip.compress(b"#ROSBAG V2.0\n", mtime=0), "unpack it first (gunzip)"),
+        (gzip.compress(b"hello", mtime=0), "is not a recording"),
         (b"\x1f\x8b\x08nonsense", "cannot be unpacked"),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import tempfile
+import weakref
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from operator import attrgetter
@@ -34,6 +35,8 @@ class BagFolderSource:
         self._own_faults = ReadFaults()
         layout = read_layout(path, self._own_faults)
         self._workspace = tempfile.TemporaryDirectory() if layout.compression == "file" else None
+        if self._workspace is not None:
+            weakref.finalize(self, self._workspace.cleanup)
         self._packed_messages = layout.compression == "message"
         self._parts = self._open(layout, typestore)
         self.channels, self._merged_id = _merged([part.channels for part in self._parts])

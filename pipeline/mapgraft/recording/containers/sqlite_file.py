@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import weakref
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from types import TracebackType
@@ -43,6 +44,7 @@ class SqliteSource:
         self.path = path
         self.faults = ReadFaults()
         self._database = _open(path, self.faults)
+        weakref.finalize(self, self._database.close)
         self._codecs: dict[int, Codec] = {}
         self._schemas: dict[int, SchemaText] = {}
         try:

@@ -40,6 +40,7 @@ UNDECODABLE = (
     MapgraftError,
 )
 """What decoding damaged or hostile bytes may raise."""
+_TYPE_NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)+", re.ASCII)
 _IDL_SEPARATOR = "=" * 80
 _IDL_DIRECTIVE = re.compile(r"^[ \t]*#.*$", re.MULTILINE)
 _HEADER = "std_msgs/msg/Header"
@@ -91,6 +92,8 @@ def types_of(schema: SchemaText) -> Typestore:
     Raises RecordingError when the definition cannot be parsed.
     """
     store, name = get_typestore(Stores.EMPTY), message_type(schema.name)
+    if not _TYPE_NAME.fullmatch(name):  # it becomes part of generated code
+        raise RecordingError(f"{name[:80]!r} cannot be the name of a message type")
     try:
         text = schema.data.decode()
         if schema.encoding == "ros2idl":
