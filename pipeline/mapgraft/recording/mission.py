@@ -76,7 +76,8 @@ class Mission:
         self.unmappable = roster.unmappable
         self.tally = Tally()
         self._faults = ReadFaults()
-        self._order = {name: k for k, name in enumerate(sorted([*_names(roster)]))}
+        names = [*(file.name for file in roster.map_files), *(plan.name for plan in roster.plans)]
+        self._order = {name: k for k, name in enumerate(names)}  # both are sorted
         self._shifts = shifts({plan.name: plan.range for plan in self._plans}, self._config.start)
         self._anchors = {plan.name: self._anchor(plan) for plan in self._plans if plan.anchored}
         self.T_world_map: Mapping[str, Transform] = {
@@ -98,7 +99,7 @@ class Mission:
         """All robots, by name."""
         sources = [_described(plan, self._shifts[plan.name]) for plan in self._plans]
         sources += [_described_file(file, self.start_ns) for file in self._map_files]
-        return tuple(sorted(sources, key=lambda source: self._order[source.name]))
+        return tuple(sorted(sources, key=lambda source: source.name))
 
     @property
     def faults(self) -> list[tuple[str, Fault]]:
@@ -119,8 +120,8 @@ class Mission:
     def observations(self) -> Iterator[Observation]:
         """All observations of all robots in time order; each call reads the files anew and begins a new tally.
 
-        Ties go by the robots' names, then by topic and order of recording. Raises RecordingError when a file cannot be
-        read any more.
+        Ties go by the robots' names, map files first, then by topic and order of recording. Raises RecordingError when
+        a file cannot be read any more.
         """
         return self._observations(self._limits())
 
@@ -247,11 +248,6 @@ def _held(g: Glimpse) -> str:
     held = [f"poses ({', '.join(poses[:_SHOWN])})"] if poses else []
     held += [*others[:_SHOWN], *([f"{len(others) - _SHOWN} more topics"] if len(others) > _SHOWN else [])]
     return ", ".join(held) or "no messages"
-
-
-def _names(roster: Roster) -> Iterator[str]:
-    yield from (plan.name for plan in roster.plans)
-    yield from (file.name for file in roster.map_files)
 
 
 def _described(plan: RobotPlan, shift_ns: int) -> RobotSource:

@@ -25,14 +25,12 @@ def shifts(ranges: Mapping[str, Range], start: Literal["aligned", "recorded"]) -
     Robots whose ranges overlap, directly or through others, recorded together and keep their distance. ``aligned``
     shifts each such group to the start of the earliest; ``recorded`` shifts nothing.
     """
-    groups: list[tuple[Range, list[str]]] = []
-    for name, range_ in sorted(ranges.items(), key=lambda item: (item[1], item[0])):
-        if groups and range_.joins(groups[-1][0]):
-            known, names = groups.pop()
-            groups.append((Range(known.first_ns, max(known.last_ns, range_.last_ns)), [*names, name]))
-        else:
-            groups.append((range_, [name]))
-    if start == "recorded" or not groups:
+    if start == "recorded" or not ranges:
         return dict.fromkeys(ranges, 0)
-    common_ns = groups[0][0].first_ns
-    return {name: common_ns - range_.first_ns for range_, names in groups for name in names}
+    groups: list[list[str]] = []
+    for name in sorted(ranges, key=lambda name: (ranges[name], name)):
+        joined = [group for group in groups if any(ranges[name].joins(ranges[other]) for other in group)]
+        groups = [group for group in groups if group not in joined] + [[*(n for group in joined for n in group), name]]
+    first_ns = {name: min(ranges[other].first_ns for other in group) for group in groups for name in group}
+    common_ns = min(first_ns.values())
+    return {name: common_ns - first_ns[name] for name in ranges}
