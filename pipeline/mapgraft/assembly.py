@@ -42,7 +42,7 @@ def assemble(mission: Mission, config: Config, plugins: Plugins, table: Decision
         robot_config = config.robots.get(source.name)
         reversal_name = (robot_config.reversal if robot_config else None) or config.reversal
         reversal = new_reversal(reversal_name, map_type)
-        journal = Journal(history, source.name, map_type, reversal)
+        journal = Journal(history, source.name, map_type, reversal, config.output.snapshots)
         robots[source.name] = Robot(source.name, map_type, reversal, table, workshop, hand, journal)
     policy = workshop.policy(config.exchange.use, config.exchange.parameters)
     return Assembly(robots, Exchange(policy, robots, mission.T_world_map), history)

@@ -151,7 +151,6 @@ class Config(Section):
     forbid: list[tuple[str, str]] = Field(default_factory=list)
     verdicts: list[VerdictConfig] = Field(default_factory=list)
     output: OutputConfig = OutputConfig()
-    seed: int = 0
 
     @field_validator("robots")
     @classmethod

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -33,12 +33,13 @@ class History:
 
 @dataclass(frozen=True, slots=True)
 class Journal:
-    """What one robot tells of itself."""
+    """What one robot tells of itself; without ``snapshots`` its maps are shown only at the end."""
 
     history: History
     robot: str
     map_type: MapType
     reversal: Reversal
+    snapshots: bool = True
 
     def offered(self, stamp_ns: int, provenance: Provenance, size: int) -> None:
         self._record("offered", stamp_ns, provenance.source, **_of_donor(provenance), bytes_received=size)
@@ -102,8 +103,10 @@ class Journal:
             exactness=exactness,
         )
 
-    def snapshot(self, why: Moment, stamp_ns: int, layer: bytes, merge_id: str = "") -> None:
-        """The robot's maps as of now; ``layer`` is what it would offer, encoded."""
+    def snapshot(self, why: Moment, stamp_ns: int, layer: Callable[[], bytes], merge_id: str = "") -> None:
+        """The robot's maps as of now, if wanted; ``layer`` gives what it would offer, encoded."""
+        if not self.snapshots and why != "end":
+            return
         reversal = self.reversal
         metadata = self.map_type.metadata(reversal.offered_layer())
         self.history.sink.mapped(
@@ -114,7 +117,7 @@ class Journal:
                 self.map_type,
                 reversal.own(),
                 reversal.fused(),
-                layer,
+                layer(),
                 metadata,
                 reversal.offered_version,
                 merge_id,

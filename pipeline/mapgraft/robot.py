@@ -177,4 +177,4 @@ class Robot:
         self._snapshot("end", stamp_ns)
 
     def _snapshot(self, why: Moment, stamp_ns: int, merge_id: str = "") -> None:
-        self.journal.snapshot(why, stamp_ns, self.encoded_layer(), merge_id)
+        self.journal.snapshot(why, stamp_ns, self.encoded_layer, merge_id)
