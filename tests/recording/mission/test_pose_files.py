@@ -76,6 +76,15 @@ def test_poses_of_another_run_are_counted_not_guessed(record, mission):
     assert any("30 of 30 scans on /scan were left out (before_first)" in s for s in found.tally.sentences())
 
 
+def test_a_pose_file_that_says_nothing_about_this_robot_is_not_passed_over(record, mission):
+    scans = record("scans").drive(6, slam=False).write()
+    file = record("slam")
+    for k in range(121):
+        file.tf(k / 20, "other/map", "other/odom")
+    with pytest.raises(RecordingError, match=r"nothing links the sensor frame laser to the frames of slam.mcap"):
+        mission(scans, {"scans": {"poses": {"file": str(file.write())}}})
+
+
 def trajectory(tmp_path, step_s=0.1):
     lines = ["# stamp x y z qx qy qz qw"]
     for k in range(61):

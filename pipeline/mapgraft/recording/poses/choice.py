@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 from mapgraft.config import PosesConfig
 from mapgraft.contracts import GRID_MESSAGE, ConfigError
 from mapgraft.recording.decoding.poses import CARMEN_MAP, CARMEN_ODOM
 from mapgraft.recording.naming import is_base, is_map, is_odom, is_wish, is_world
-from mapgraft.recording.poses.frames import Drift, Roles, roles_of
+from mapgraft.recording.poses.frames import Drift, Frames, Roles, roles_of
 from mapgraft.recording.poses.rigid import angle_of, compose, inverse
 from mapgraft.recording.poses.trees import Tree, tree_of
 from mapgraft.recording.robots.glimpse import Glimpse, SeenPayload, SeenPoses
@@ -39,11 +40,11 @@ class PosePlan:
     other file.
     """
 
-    method: str
+    method: Literal["tree", "per_scan", "none"]
     drift: Drift
     text: str
     tree: Tree
-    sensors: dict[str, str]
+    sensors: Mapping[str, str]
     map_frame: str = ""
     base_frame: str = ""
     topic: SeenPoses | None = None
@@ -72,11 +73,9 @@ def choose_poses(
         return _by_topic(ask, _configured_topic(ask, config.topic))
     if other is not None and not tree.other:
         return _by_topic(ask, _only_topic(other))
-    for option in (_tree_with_map, _per_scan, _map_topic, _tree_of_any_kind, _odometry_topic, _any_topic):
-        plan = option(ask)
-        if plan is not None:
-            return plan
-    return PosePlan("none", "none", _why_none(ask), tree, sensors)
+    options = _OPTIONS if other is None else _OPTIONS_WITH_FILE
+    found = (plan for option in options if (plan := option(ask)) is not None)
+    return next(found, PosePlan("none", "none", _why_none(ask), tree, sensors))
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +84,7 @@ class _Question:
     other: Glimpse | None
     payloads: tuple[SeenPayload, ...]
     tree: Tree
-    sensors: dict[str, str]
+    sensors: Mapping[str, str]
     config: PosesConfig
 
     @property
@@ -129,6 +128,8 @@ def _tree_of_any_kind(ask: _Question) -> PosePlan | None:
         roles = Roles(config.map_frame, roles.base_frame, drift)
     if not roles.map_frame:
         return None
+    if ask.other is not None and not set(frames.path(roles.map_frame, sensor) or []) & set(ask.tree.other_edges):
+        return None  # the other file's word would not count
     base = config.base_frame or roles.base_frame
     way = " → ".join(dict.fromkeys([roles.map_frame, *_between(ask, roles.map_frame, sensor), base, sensor]))
     where = f" of {ask.other.source.path.name}" if ask.other is not None else ""
@@ -186,16 +187,28 @@ def _any_topic(ask: _Question) -> PosePlan | None:
     return _best_topic(ask, ask.topics)
 
 
+_Option = Callable[[_Question], PosePlan | None]
+_OPTIONS: tuple[_Option, ...] = (
+    _tree_with_map,
+    _per_scan,
+    _map_topic,
+    _tree_of_any_kind,
+    _odometry_topic,
+    _any_topic,
+)
+_OPTIONS_WITH_FILE: tuple[_Option, ...] = (_tree_of_any_kind, _map_topic, _any_topic)
+
+
 def _best_topic(ask: _Question, topics: list[SeenPoses]) -> PosePlan | None:
     """Of the topics that come often enough, the one with most messages."""
-    often = [seen for seen in topics if _mean_gap_ns(seen) <= ask.config.max_gap_s * 1e9]
+    often = [seen for seen in topics if _usual_gap_ns(seen) <= ask.config.max_gap_s * 1e9]
     if not often:
         return None
     return _by_topic(ask, min(often, key=lambda seen: (-(seen.channel.count or 0), seen.topic)))
 
 
-def _mean_gap_ns(seen: SeenPoses) -> float:
-    """The usual time between two messages: the median over the sample, for the sample has holes."""
+def _usual_gap_ns(seen: SeenPoses) -> float:
+    """The median time between two messages of the sample, which has holes."""
     stamps = sorted(stamped.stamp_ns for stamped in seen.times)
     gaps = sorted(b - a for a, b in pairwise(stamps))
     return float(gaps[len(gaps) // 2]) if gaps else float("inf")
@@ -265,6 +278,11 @@ def _only_topic(other: Glimpse) -> SeenPoses:
 def _why_none(ask: _Question) -> str:
     """Why the poses of these payloads cannot be found, in a clause."""
     frames = ask.tree.frames
+    if ask.other is not None:
+        said = ", ".join(Frames(ask.tree.other_edges).names()[:_NAMES_SHOWN]) or "none"
+        sensors = ", ".join(dict.fromkeys(ask.sensors.values()))
+        name = ask.other.source.path.name
+        return f"nothing links the sensor frame {sensors} to the frames of {name} (it has {said})"
     if not frames.names() and not ask.topics:
         return "the recording holds neither transforms nor poses; name a file that does with poses.file"
     for frame in ask.sensors.values():

@@ -84,25 +84,14 @@ def plan_robot(
     name: str, found: Sequence[FoundRobot], config: RobotConfig, pose_file: Glimpse | None, payloads: Payloads
 ) -> RobotPlan | Unmappable:
     """The plan for one robot, found in one file or in several; raises ConfigError for topics that do not exist."""
+    choice = _choose(name, found, config, pose_file)
+    if isinstance(choice, Unmappable):
+        return choice
+    used, poses, remarks = choice
     glimpses = tuple(robot.glimpse for robot in found)
-    sensors = _chosen(name, found, config.scans, [seen for robot in found for seen in robot.sensors], "scans")
-    maps = _chosen(name, found, config.maps, [seen for robot in found for seen in robot.maps], "maps")
-    if config.maps and config.scans is None:
-        sensors = ()
-    remarks = [unused for robot in found for unused in robot.unused]
-    used = sensors or maps
-    if not used:
-        return Unmappable(name, "it has neither scans nor maps")
-    poses = choose_poses(glimpses, pose_file, used, found[0].namespace, config.poses)
-    if sensors and poses.method == "none":
-        if not maps:
-            return Unmappable(name, f"its scans on {_topics(sensors)} have no poses: {poses.text}")
-        remarks.append(f"mapped from {_topics(maps)}, because its scans have no poses: {poses.text}")
-        used, poses = maps, choose_poses(glimpses, pose_file, maps, found[0].namespace, config.poses)
-    elif sensors and maps:
-        remarks.append(f"{_topics(maps)} is not used, because the robot is mapped from its scans")
     times = times_of(glimpses, used, poses)
-    if times.clock == "index" and poses.method == "tree" and used is sensors:
+    ready = used[0].kind == GRID_MESSAGE
+    if times.clock == "index" and poses.method == "tree" and not ready:
         return Unmappable(name, "neither stamps nor times of recording tell when its scans were taken")
     window = None if config.window is None else _window(config.window, glimpses, used, times.clock)
     range_ = _range(glimpses, used, times, window, payloads)
@@ -118,12 +107,42 @@ def plan_robot(
         times,
         Range(range_.first_ns + offset_ns, range_.last_ns + offset_ns),
         window,
-        anchored=window is not None and used is sensors,
+        anchored=window is not None and not ready,
         max_gap_ns=round(config.poses.max_gap_s * S),
         clock_offset_ns=offset_ns,
-        source=config.source or name,
+        source=config.source or found[0].name,
         remarks=(*remarks, *poses.remarks, *times.remarks()),
     )
+
+
+class _Choice(NamedTuple):
+    payloads: tuple[SeenPayload, ...]
+    poses: PosePlan
+    remarks: list[str]
+
+
+def _choose(
+    name: str, found: Sequence[FoundRobot], config: RobotConfig, pose_file: Glimpse | None
+) -> _Choice | Unmappable:
+    """From scans if they have poses, else from ready maps, never from both."""
+    glimpses, namespace = [robot.glimpse for robot in found], found[0].namespace
+    sensors = _chosen(name, found, config.scans, [seen for robot in found for seen in robot.sensors], "scans")
+    maps = _chosen(name, found, config.maps, [seen for robot in found for seen in robot.maps], "maps")
+    if config.maps and config.scans is None:
+        sensors = ()
+    remarks = [unused for robot in found for unused in robot.unused]
+    if not sensors and not maps:
+        return Unmappable(name, "it has neither scans nor maps")
+    poses = choose_poses(glimpses, pose_file, sensors or maps, namespace, config.poses)
+    if not sensors:
+        return _Choice(maps, poses, remarks)
+    if poses.method != "none":
+        unused = [f"{_topics(maps)} is not used, because the robot is mapped from its scans"] if maps else []
+        return _Choice(sensors, poses, [*remarks, *unused])
+    if not maps:
+        return Unmappable(name, f"its scans on {_topics(sensors)} have no poses: {poses.text}")
+    remark = f"mapped from {_topics(maps)}, because its scans have no poses: {poses.text}"
+    return _Choice(maps, choose_poses(glimpses, pose_file, maps, namespace, config.poses), [*remarks, remark])
 
 
 def _chosen(

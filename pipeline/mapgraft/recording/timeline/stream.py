@@ -89,10 +89,7 @@ class Stream:
         for tree in self._trees.values():
             for feed in tree.feeds:
                 feed.gather_fixed()
-        for intake in self._intakes:
-            for source in self._sources:
-                for standing in intake.standing(source):
-                    heapq.heappush(self._waiting, standing)
+        self._waiting.extend(self._standing())
         handlers = [self._handlers(k) for k in range(len(self._sources))]
         waiting, ripe_ns = self._waiting, self._reorder_ns
         for k, read in self._messages([sorted(by_topic) for by_topic in handlers]):
@@ -103,6 +100,17 @@ class Stream:
             elif len(waiting) > MAX_WAITING:
                 yield from self._release(None, MAX_WAITING)
         yield from self._release(None)
+
+    def _standing(self) -> list[Waiting]:
+        """The ready maps that hold from the start, in order; the latest where several files have one."""
+        latest: dict[tuple[int, int], Waiting] = {}
+        for intake in self._intakes:
+            for source in self._sources:
+                for standing in intake.standing(source):
+                    key = (standing.robot, standing.topic)
+                    if key not in latest or latest[key].log_ns < standing.log_ns:
+                        latest[key] = standing
+        return sorted(latest.values())
 
     def _handlers(self, k: int) -> dict[str, list[Callable[[Read], None]]]:
         """What to do with the messages of each topic of one source; trees are fed before payloads are taken."""
