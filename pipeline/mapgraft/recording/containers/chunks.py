@@ -24,7 +24,7 @@ RESIDENT_BYTES = 32 << 20
 
 READERS = 2
 READ_AHEAD = 4
-"""How many threads decompress how many chunks ahead; zstd, lz4 and crc32 let the interpreter go on meanwhile."""
+"""How many threads decompress how many chunks ahead where that is slow; they let the interpreter go on meanwhile."""
 
 _MESSAGE_BYTES = 300  # about what a message and its view cost in memory
 _log_ns = attrgetter("log_ns")
@@ -121,13 +121,17 @@ class _Reader(Generic[T]):
         self._resident: OrderedDict[int, int] = OrderedDict()  # offset → cost, least recently used first
         self._cost = 0
         self._ahead: dict[int, Future[Content]] = {}
-        self._pool = ThreadPoolExecutor(READERS, "mapgraft-read") if len(waiting) > READ_AHEAD else None
+        self._pool: ThreadPoolExecutor | None = None
 
     def open(self, place: Place) -> _Cursor[T] | None:
         """Read a chunk for the first time; None when nothing of it is wanted."""
         future = self._ahead.pop(place.offset, None)
-        self._read_ahead()
+        if self._pool is not None:
+            self._read_ahead(self._pool)
         content = self._fetch(place) if future is None else future.result()
+        small = len(content.data) * READ_AHEAD <= RESIDENT_BYTES
+        if content.costly and small and self._pool is None and len(self._waiting) > READ_AHEAD:
+            self._pool = ThreadPoolExecutor(READERS, "mapgraft-read")
         messages = self._parse(place, content)
         if not messages:
             return None
@@ -136,11 +140,10 @@ class _Reader(Generic[T]):
         self._keep(cursor)
         return cursor
 
-    def _read_ahead(self) -> None:
-        if self._pool is not None:
-            for place in islice(self._waiting, READ_AHEAD):
-                if place.offset not in self._ahead:
-                    self._ahead[place.offset] = self._pool.submit(self._fetch, place)
+    def _read_ahead(self, pool: ThreadPoolExecutor) -> None:
+        for place in islice(self._waiting, READ_AHEAD):
+            if place.offset not in self._ahead:
+                self._ahead[place.offset] = pool.submit(self._fetch, place)
 
     def resume(self, offset: int) -> tuple[_Cursor[T], list[T]]:
         """A chunk opened before, with its messages, read again if they had to go."""

@@ -15,16 +15,21 @@ COMPRESSIONS = frozenset({"", "none", "lz4", "zstd", "bz2"})
 ONE_SHOT_LIMIT = 1 << 28
 """Above this many bytes a claimed size is not trusted: the output grows as it comes."""
 
+_COSTLY = frozenset({"zstd", "bz2"})  # lz4 is as fast as the checksum
 _PIECE = 4096
 _DAMAGE = (zstandard.ZstdError, RuntimeError, OSError, ValueError, EOFError, MemoryError)
 _thread = threading.local()
 
 
 class Content(NamedTuple):
-    """What a chunk holds: all of it, or (``damage`` says why) only what lies before the damage."""
+    """What a chunk holds: all of it, or (``damage`` says why) only what lies before the damage.
+
+    ``costly`` says that its compression is slow enough for another thread to be worth its while.
+    """
 
     data: bytes | memoryview
     damage: str = ""
+    costly: bool = False
 
 
 class _Stream(Protocol):
@@ -43,9 +48,9 @@ def inflate(compression: str, packed: memoryview, size: int, crc: int = 0) -> Co
     if compression in ("", "none"):
         content = Content(packed, "" if len(packed) == size else "is shorter than it says")
     else:
-        content = _unpacked(compression, packed, size)
+        content = _unpacked(compression, packed, size)._replace(costly=compression in _COSTLY)
     if not content.damage and crc and zlib.crc32(content.data) != crc:
-        return Content(b"", "does not match its checksum")
+        return content._replace(data=b"", damage="does not match its checksum")
     return content
 
 
