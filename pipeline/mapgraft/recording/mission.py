@@ -14,16 +14,16 @@ from mapgraft.contracts import Observation, RecordingError, Transform
 from mapgraft.plugins import Plugins
 from mapgraft.recording.poses.frames import Drift
 from mapgraft.recording.poses.rigid import Pose7, from_transform, inverse, levelled, to_transform
+from mapgraft.recording.robots.clocks import Clock
 from mapgraft.recording.robots.glimpse import Glimpse
 from mapgraft.recording.robots.library import Library
+from mapgraft.recording.robots.payloads import POSE_TYPES, TF_TYPES
 from mapgraft.recording.robots.plan import RobotPlan
 from mapgraft.recording.robots.roster import MapFile, Roster, call_roll
 from mapgraft.recording.robots.worlds import known_world
 from mapgraft.recording.smear import odometry_plan
 from mapgraft.recording.source import Fault, ReadFaults
-from mapgraft.recording.timeline.clocks import Clock
 from mapgraft.recording.timeline.intake import Limits
-from mapgraft.recording.timeline.payloads import POSE_TYPES, TF_TYPES
 from mapgraft.recording.timeline.shifts import shifts
 from mapgraft.recording.timeline.stream import Member, Stream
 from mapgraft.recording.timeline.tally import Tally

@@ -5,7 +5,8 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mapgraft.recording.timeline.shifts import Range, shifts
+from mapgraft.recording.robots.clocks import Range
+from mapgraft.recording.timeline.shifts import shifts
 
 S = 10**9
 ranges = st.builds(lambda first, length: Range(first, first + length), st.integers(0, 200 * S), st.integers(0, 60 * S))

@@ -1,0 +1,1 @@
+"""Where things were: frames, transforms in time, and lookups between samples."""

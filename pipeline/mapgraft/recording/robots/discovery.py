@@ -15,8 +15,8 @@ from mapgraft.recording.naming import (
     told_apart,
 )
 from mapgraft.recording.poses.frames import roles_of
-from mapgraft.recording.poses.trees import tf_namespace, tree_of
 from mapgraft.recording.robots.glimpse import Glimpse, SeenPayload
+from mapgraft.recording.robots.trees import tf_namespace, tree_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,8 +14,8 @@ from itertools import islice
 from mapgraft.errors import RecordingError
 from mapgraft.recording.poses.frames import SeenEdge, Stamped
 from mapgraft.recording.poses.rigid import Pose7, pose7
+from mapgraft.recording.robots.payloads import POSE_TYPES, TF_TYPES, Payloads, poses_in
 from mapgraft.recording.source import Channel, RawMessage, Source
-from mapgraft.recording.timeline.payloads import POSE_TYPES, TF_TYPES, Payloads, poses_in
 
 _WINDOWS = 9
 _WINDOW_NS = 2_000_000_000

@@ -10,7 +10,7 @@ from mapgraft.contracts import ConfigError, RecordingError
 from mapgraft.plugins import Plugins
 from mapgraft.recording.containers.opening import Reader, open_source
 from mapgraft.recording.robots.glimpse import Glimpse, glimpse
-from mapgraft.recording.timeline.payloads import Decoder, Payloads
+from mapgraft.recording.robots.payloads import Decoder, Payloads
 
 
 class Library:

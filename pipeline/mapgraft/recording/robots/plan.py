@@ -9,12 +9,11 @@ from typing import NamedTuple
 
 from mapgraft.config import RobotConfig, WindowConfig
 from mapgraft.contracts import GRID_MESSAGE, ConfigError
-from mapgraft.recording.poses.choice import PosePlan, choose_poses
+from mapgraft.recording.robots.choice import PosePlan, choose_poses
+from mapgraft.recording.robots.clocks import INDEX_STEP_NS, Clock, Range, Times, times_of
 from mapgraft.recording.robots.discovery import FoundRobot
 from mapgraft.recording.robots.glimpse import Glimpse, SeenPayload, times_between
-from mapgraft.recording.timeline.clocks import INDEX_STEP_NS, Clock, Times, times_of
-from mapgraft.recording.timeline.payloads import Payloads
-from mapgraft.recording.timeline.shifts import Range
+from mapgraft.recording.robots.payloads import Payloads
 
 S = 1_000_000_000
 

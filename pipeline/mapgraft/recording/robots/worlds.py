@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from mapgraft.recording.poses.rigid import IDENTITY, Pose7, compose, inverse
-from mapgraft.recording.poses.trees import tf_namespace
 from mapgraft.recording.robots.plan import RobotPlan
+from mapgraft.recording.robots.trees import tf_namespace
 
 
 def known_world(plans: Sequence[RobotPlan], T_anchor_map: Mapping[str, Pose7]) -> dict[str, Pose7]:

@@ -3,20 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, NamedTuple
+from typing import Literal
 
-_TOGETHER_NS = 1_000_000_000  # ranges that share less than this only touch, as two windows of one log do
-
-
-class Range(NamedTuple):
-    """From the first to the last stamp, both included."""
-
-    first_ns: int
-    last_ns: int
-
-    def joins(self, earlier: Range) -> bool:
-        """Whether this range, which begins no earlier, shares its time with another."""
-        return self.first_ns + min(_TOGETHER_NS, self.last_ns - self.first_ns) <= earlier.last_ns
+from mapgraft.recording.robots.clocks import Range
 
 
 def shifts(ranges: Mapping[str, Range], start: Literal["aligned", "recorded"]) -> dict[str, int]:

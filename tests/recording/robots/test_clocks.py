@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mapgraft.recording.poses.frames import Stamped
-from mapgraft.recording.timeline.clocks import clock_of, is_other_clock, offset_of
+from mapgraft.recording.robots.clocks import clock_of, is_other_clock, offset_of
 
 S = 10**9
 

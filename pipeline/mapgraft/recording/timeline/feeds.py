@@ -9,10 +9,10 @@ from mapgraft.errors import RecordingError
 from mapgraft.recording.poses.lookup import TreePoses
 from mapgraft.recording.poses.rigid import believable
 from mapgraft.recording.poses.tf import TransformBuffer
-from mapgraft.recording.poses.trees import TfTopic
+from mapgraft.recording.robots.clocks import EdgeName
+from mapgraft.recording.robots.payloads import Read, poses_in
+from mapgraft.recording.robots.trees import TfTopic
 from mapgraft.recording.source import RawMessage, ReadFaults, Source
-from mapgraft.recording.timeline.clocks import EdgeName
-from mapgraft.recording.timeline.payloads import Read, poses_in
 
 KEPT_NS = 60_000_000_000
 """How much of the past a tree keeps; scans wait for their poses a few seconds at most."""

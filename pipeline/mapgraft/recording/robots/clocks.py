@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from mapgraft.contracts import GRID_MESSAGE
-from mapgraft.recording.poses.choice import PosePlan
 from mapgraft.recording.poses.frames import SeenEdge, Stamped
+from mapgraft.recording.robots.choice import PosePlan
 from mapgraft.recording.robots.glimpse import Glimpse, SeenPayload
 
 Clock = Literal["header", "log", "index"]
@@ -21,7 +21,20 @@ INDEX_STEP_NS = 1_000_000_000
 OTHER_CLOCK_NS = 10_000_000_000
 """Stamps that lie further from another topic's, measured against the time of recording, are of another clock."""
 
+_TOGETHER_NS = 1_000_000_000  # ranges that share less than this only touch, as two windows of one log do
+
 EdgeName = tuple[str, str]  # parent, child
+
+
+class Range(NamedTuple):
+    """From the first to the last stamp, both included."""
+
+    first_ns: int
+    last_ns: int
+
+    def joins(self, earlier: Range) -> bool:
+        """Whether this range, which begins no earlier, shares its time with another."""
+        return self.first_ns + min(_TOGETHER_NS, self.last_ns - self.first_ns) <= earlier.last_ns
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +56,7 @@ class Times:
 
     def stamp(self, topic: str, stamped: Stamped) -> int:
         """The robot's time of a message on a topic, in nanoseconds."""
-        if self.clock == "log" or topic in self.by_log:
+        if self.clock == "log" or topic in self.other_clock or topic in self.undated:
             return stamped.log_ns + self.offset_ns
         return stamped.stamp_ns
 

@@ -14,8 +14,8 @@ from mapgraft.recording.decoding.poses import CARMEN_MAP, CARMEN_ODOM
 from mapgraft.recording.naming import is_base, is_map, is_odom, is_wish, is_world
 from mapgraft.recording.poses.frames import Drift, Frames, Roles, roles_of
 from mapgraft.recording.poses.rigid import angle_of, compose, inverse
-from mapgraft.recording.poses.trees import Tree, tree_of
 from mapgraft.recording.robots.glimpse import Glimpse, SeenPayload, SeenPoses
+from mapgraft.recording.robots.trees import Tree, tree_of
 from mapgraft.recording.source import CARMEN_LASER_SCAN, CARMEN_ODOMETRY
 
 PATH = "nav_msgs/msg/Path"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from mapgraft.recording.poses.frames import Frames, SeenEdge
 from mapgraft.recording.robots.glimpse import Glimpse, is_static
-from mapgraft.recording.timeline.payloads import TF_TYPES
+from mapgraft.recording.robots.payloads import TF_TYPES
 
 
 @dataclass(frozen=True, slots=True)
