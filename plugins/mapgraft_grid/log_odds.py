@@ -23,6 +23,7 @@ from mapgraft_grid.weights import TileWeights
 
 Quality = Literal["windowed", "none"]
 
+CHANCE: Final = 0.2  # sd of the difference of equally good maps, times the root of the metres of wall (simulated)
 BESIDE_WALL_M: Final = 0.3  # a donor that is not applied does not fill there: it would smear a better wall
 
 
@@ -30,9 +31,10 @@ class LogOdds:
     """Adds the donor's log-odds to the receiver's, per tile 0 to 3 times.
 
     With ``quality="windowed"`` both maps are judged in windows of 2 m. Where both can be judged, the difference d =
-    quality(donor) − quality(receiver), averaged over the windows of a tile of 64 × 64 cells and weighted by the wall in
-    them, gives the number of applications: 0 up to ``table[0]``, 1 between that and ``table[1]``, 2 from ``table[1]``
-    and 3 from ``table[2]``; 1 where there is nothing to compare. Where a donor is not applied it still fills, once,
+    quality(donor) − quality(receiver), averaged over the windows of a tile of 64 × 64 cells, weighted by the wall in
+    them and shrunk to the mean of all tiles as far as chance explains it, gives the number of applications: 0 up to
+    ``table[0]``, 1 between that and ``table[1]``, 2 from ``table[1]`` and 3 from ``table[2]``; 1 where there is nothing
+    to compare. Where a donor is not applied it still fills, once,
     what the receiver does not know, but for 0.3 m around the receiver's walls, where it would only smear them.
     ``quality="none"`` applies everything once: plain Bayes.
 
@@ -43,7 +45,7 @@ class LogOdds:
     Source: Andersone 2021, section 4.1; S. Thrun, W. Burgard and D. Fox, Probabilistic Robotics (2005), table 4.2.
     """
 
-    def __init__(self, *, quality: Quality = "windowed", table: Sequence[float] = (-0.1, 0.2, 0.4)) -> None:
+    def __init__(self, *, quality: Quality = "windowed", table: Sequence[float] = (-0.15, 0.2, 0.4)) -> None:
         if quality not in get_args(Quality):
             raise ConfigError(f"log_odds knows the qualities {', '.join(get_args(Quality))}, found {quality!r}")
         if len(table) != 3 or not all(a < b for a, b in pairwise((-1.0, *table, 1.0))):
@@ -92,13 +94,15 @@ class LogOdds:
         if own.is_empty or donor.is_empty:
             return TileWeights.plain()
         ours, theirs = window_quality(own.dense()), window_quality(donor.dense(), measured_m)
-        differences = tile_differences(ours, theirs, keys)
+        differences = shrunk(*tile_differences(ours, theirs, keys))
         counts = np.array([self.applications(d) for d in differences.tolist()], np.uint8)
         return TileWeights(keys[counts != 1], counts[counts != 1])
 
 
-def tile_differences(ours: WindowQuality, theirs: WindowQuality, keys: TileKeys) -> NDArray[np.float64]:
-    """quality(theirs) − quality(ours) of tiles (k,), 0 where they have no window that can be judged in both.
+def tile_differences(
+    ours: WindowQuality, theirs: WindowQuality, keys: TileKeys
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """quality(theirs) − quality(ours) of tiles (k,), and the metres of wall (k,) on which that rests; 0 without any.
 
     A tile takes the windows whose centre lies in it, or within half a stride of its own centre where it is smaller.
     Both must lie on one lattice.
@@ -110,12 +114,33 @@ def tile_differences(ours: WindowQuality, theirs: WindowQuality, keys: TileKeys)
     rows, columns = np.unravel_index(judged, wall_m.shape)
     x, y = (first[0] + columns + 1) * block, (first[1] + rows + 1) * block
     weight, weighted = wall_m.ravel()[judged], (difference * wall_m).ravel()[judged]
-    out = np.zeros(keys.size)
+    out, rests_on_m = np.zeros(keys.size), np.zeros(keys.size)
     for index, key in enumerate(keys.tolist()):
         centre_x, centre_y = TILE * tile_x(key) + TILE // 2, TILE * tile_y(key) + TILE // 2
         near = (abs(x - centre_x) <= reach) & (abs(y - centre_y) <= reach)
         if near.any():
-            out[index] = weighted[near].sum() / weight[near].sum()
+            rests_on_m[index] = weight[near].sum()
+            out[index] = weighted[near].sum() / rests_on_m[index]
+    return out, rests_on_m
+
+
+def shrunk(differences: NDArray[np.float64], wall_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Differences (k,), drawn to their mean as far as they differ from each other by no more than chance.
+
+    The chance of a tile is that of two equally good maps: ``CHANCE`` over the root of its metres of wall. What lies
+    beyond is the true variance between tiles, by the method of moments (DerSimonian and Laird 1986). Tiles without
+    wall stay 0.
+    """
+    rests = wall_m > 0
+    d, noise = differences[rests], CHANCE**2 / wall_m[rests]
+    if not d.size:
+        return differences
+    weight = 1.0 / noise
+    scatter = (weight * (d - np.average(d, weights=weight)) ** 2).sum() - (d.size - 1)
+    between = max(0.0, scatter / (weight.sum() - (weight**2).sum() / weight.sum())) if d.size > 1 else 0.0
+    mean = np.average(d, weights=1.0 / (noise + between))
+    out = np.zeros_like(differences)
+    out[rests] = mean + between / (between + noise) * (d - mean)
     return out
 
 

@@ -21,7 +21,7 @@ from mapgraft_grid.wall_error import mean_wall_error_m
 
 SEED, MISSIONS = 20_260_102, 9
 RESOLUTIONS_M = (0.05, 0.07, 0.1)
-TABLES = ((-0.5, 0.25, 0.5), (-0.3, 0.25, 0.5), (-0.2, 0.2, 0.4), (-0.1, 0.2, 0.4), (-0.1, 0.1, 0.2))
+TABLES = ((-0.5, 0.25, 0.5), (-0.2, 0.2, 0.4), (-0.15, 0.2, 0.4), (-0.1, 0.2, 0.4), (-0.05, 0.1, 0.2))
 DEGRADATIONS = (
     *(Degradation(pose_sigma_m=s, pose_sigma_rad=math.radians(10.0 * s)) for s in (0.02, 0.05, 0.1, 0.2)),
     *(Degradation(range_sigma_m=s) for s in (0.06, 0.12, 0.25)),

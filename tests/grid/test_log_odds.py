@@ -26,7 +26,7 @@ from mapgraft_grid.degradation import Degradation, degrade
 from mapgraft_grid.grid_map import OCCUPIED, UNKNOWN, DenseGrid, GridMap
 from mapgraft_grid.kernels.tile_keys import TILE, tile_key
 from mapgraft_grid.layer import GridLayer
-from mapgraft_grid.log_odds import BESIDE_WALL_M, LogOdds, tile_differences
+from mapgraft_grid.log_odds import BESIDE_WALL_M, CHANCE, LogOdds, shrunk, tile_differences
 from mapgraft_grid.map_type import OccupancyGrid
 from mapgraft_grid.quality import WindowLayout, WindowQuality
 from mapgraft_grid.region import GridRegion
@@ -188,13 +188,36 @@ def test_tiles_take_the_windows_in_them() -> None:
     better[0, 0] = np.nan
     theirs = WindowQuality(better, np.full((20, 20), 4.0), layout)
     keys = np.array(sorted([tile_key(0, 0), tile_key(1, 0), tile_key(2, 0), tile_key(9, 9)]), np.int64)
-    found = dict(zip(keys.tolist(), tile_differences(ours, theirs, keys).tolist(), strict=True))
+    differences, wall_m = tile_differences(ours, theirs, keys)
+    found = dict(zip(keys.tolist(), differences.tolist(), strict=True))
     assert found[tile_key(0, 0)] == pytest.approx(0.4)
     assert 0 < found[tile_key(1, 0)] < 0.4  # of its centres at 70 to 120 one is better
     assert found[tile_key(2, 0)] == pytest.approx(0.0) and found[tile_key(9, 9)] == 0.0
     shifted = WindowQuality(better[:, 3:], np.full((20, 17), 4.0), WindowLayout(10, (2, -1), (0, 0)))
-    again = dict(zip(keys.tolist(), tile_differences(ours, shifted, keys).tolist(), strict=True))
+    assert ((wall_m > 0) == [True, True, True, False]).all()
+    again = dict(zip(keys.tolist(), tile_differences(ours, shifted, keys)[0].tolist(), strict=True))
     assert again[tile_key(1, 0)] == pytest.approx(found[tile_key(1, 0)])
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(-0.5, 0.5), st.sampled_from((0.0, 0.3)))
+def test_what_chance_explains_is_drawn_to_the_mean(seed: int, mean: float, true_sd: float) -> None:
+    rng = np.random.default_rng(seed)
+    wall_m = rng.uniform(1, 60, 400)
+    truth = mean + rng.normal(0, true_sd, 400)
+    seen = truth + rng.normal(0, CHANCE / np.sqrt(wall_m))
+    found = shrunk(seen, wall_m)
+    assert abs(found - truth).mean() <= abs(seen - truth).mean()
+    if true_sd == 0.0:
+        assert abs(found - mean).max() < 0.05
+    else:
+        assert abs(found - seen)[wall_m > 20].max() < 0.06  # real differences stay
+    assert found.min() >= seen.min() and found.max() <= seen.max()
+
+
+def test_shrinking_leaves_tiles_without_wall_and_single_ones_alone() -> None:
+    assert shrunk(np.zeros(3), np.zeros(3)).tolist() == [0.0] * 3
+    assert shrunk(np.array([0.0, -0.3]), np.array([0.0, 5.0])).tolist() == [0.0, pytest.approx(-0.3)]
+    assert shrunk(np.array([0.5, 0.1]), np.array([4.0, 4.0])) == pytest.approx([0.3 + 0.175, 0.3 - 0.175])  # 7/8
 
 
 @pytest.mark.parametrize("table", [(0.0, 0.5), (0.2, 0.1, 0.5), (-1.0, 0.2, 0.5), (-0.5, 0.2, 1.0), (-0.1, -0.1, 0.3)])
