@@ -68,8 +68,8 @@ class SurveyedRobot:
 class Survey:
     """Everything that ``mapgraft info`` shows; plain values throughout, so that ``dataclasses.asdict`` gives JSON.
 
-    ``problems`` and ``remarks`` are sentences; a problem costs observations or robots. ``known_world`` names the robots
-    whose relative poses the recording itself tells.
+    ``problems`` and ``remarks`` are sentences about the mission; a problem costs observations or robots. Remarks about
+    one robot are in its ``source``. ``known_world`` names the robots whose relative poses the recording itself tells.
     """
 
     files: tuple[SurveyedFile, ...]
@@ -160,11 +160,9 @@ def _times(count: int) -> str:
 
 
 def _remarks(mission: Mission) -> list[str]:
-    remarks = [f"{robot.name}: {remark}" for robot in mission.robots for remark in robot.remarks]
-    shifted = [robot for robot in mission.robots if robot.shift_ns]
-    remarks += [
+    return [
         f"{robot.name}: its stamps are shifted by {robot.shift_ns / S:+.3f} s, because it did not record together with "
         "the others (mission.start: recorded keeps them)"
-        for robot in shifted
+        for robot in mission.robots
+        if robot.shift_ns
     ]
-    return remarks

@@ -123,7 +123,8 @@ def test_arena_tells_the_drift_of_both_robots(shared_data):
 def test_a_plan_with_a_trap_in_it_is_told(shared_data):
     paths = [shared_data / "bags/turtlebot4/macfirst_floor_take_2", shared_data / "maps/mac_1st_floor_final.yaml"]
     found = look(paths)
-    assert any("unknown_gray: 205" in remark for remark in found.remarks)
+    (plan,) = [robot.source for robot in found.robots if robot.source.kinds == ("grid_message",)]
+    assert "unknown_gray: 205" in plan.remarks[0] and plan.remarks[0].endswith("(robots.mac_1st_floor_final.options)")
     smear = {robot.source.name: robot.smear for robot in found.robots}
     assert smear["mac_1st_floor_final"] == "a ready map: as sharp as it was made"
 

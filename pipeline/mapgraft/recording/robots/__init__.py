@@ -1,1 +1,1 @@
-"""Whose scans and poses a recording holds: a glimpse of its files, discovery, configuration, and the plan that follows."""
+"""Whose scans and poses a recording holds: a glimpse of its files, discovery, configuration, and the resulting plan."""

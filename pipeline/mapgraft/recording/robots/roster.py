@@ -149,7 +149,8 @@ class _Call:
     def _read_map(self, name: str, path: Path, options: Mapping[str, object]) -> None:
         remarks: list[str] = []
         kind, payload = self._library.read_map(path, options, remarks.append)
-        self.map_files.append(MapFile(name, path, kind, payload, tuple(remarks)))
+        told = tuple(f"{remark} (robots.{name}.options)" for remark in remarks)
+        self.map_files.append(MapFile(name, path, kind, payload, told))
 
     def _sources(self, name: str, robot: RobotConfig) -> list[FoundRobot]:
         """The discovered robots that a configured one is taken from: one, or one per file."""
