@@ -191,11 +191,11 @@ def invoke(arguments: list[str]) -> int:
     debug = "--debug" in arguments
     try:
         code = app(args=arguments, prog_name="mapgraft", standalone_mode=False)
-        return code if isinstance(code, int) else 0
+        return _ended(code if isinstance(code, int) else 0)
     except typer.Exit as exit_:
-        return exit_.exit_code
+        return _ended(exit_.exit_code)
     except (KeyboardInterrupt, typer.Abort):
-        return _fail("interrupted; what was decided before is on disk", INTERRUPTED)
+        return _ended(INTERRUPTED)
     except USAGE_FAULT as error:
         return _usage(error)
     except MapgraftError as error:
@@ -209,6 +209,10 @@ def invoke(arguments: list[str]) -> int:
         if debug:
             raise
         return _fail(f"internal error, {type(error).__name__}: {error}; run again with --debug to see where", 1)
+
+
+def _ended(code: int) -> int:
+    return _fail("interrupted; what was decided before is on disk", code) if code == INTERRUPTED else code
 
 
 def _usage(fault: Exception) -> int:

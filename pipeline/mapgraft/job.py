@@ -84,7 +84,7 @@ class Result:
 class Fan:
     """A sink that hands everything to several, and remembers every robot's last snapshot."""
 
-    sinks: Sequence[Sink]
+    sinks: list[Sink]
     last: dict[str, Snapshot] = field(default_factory=dict)
 
     def observed(self, observation: Observation) -> None:
@@ -128,14 +128,13 @@ def run(
         table = build_table(plugins, checked.rules)
         provenance = provenance_of(paths, checked, plugins, table)
         run_id = run_id_of(replace(provenance, config_text=config_text(checked, without=HAND_FIELDS)))
+        fan = Fan(list(sinks))
+        assembly = assemble(mission, checked, plugins, table, fan)  # before the folder is touched: it may refuse
         with ExitStack() as stack:
-            written: list[Sink] = []
             if out is not None:
                 folder = RunFolder(Path(out), stem(paths[0]), run_id, provenance, checked.output.scans)
+                fan.sinks.append(stack.enter_context(folder))
                 folder.keep(MISSION_FILE, remembered_text(paths, checked).encode())
-                written.append(stack.enter_context(folder))
-            fan = Fan([*sinks, *written])
-            assembly = assemble(mission, checked, plugins, table, fan)
             count = replay(mission.observations(), assembly.robots, assembly.exchange, fan)
             if count == 0:
                 raise RecordingError(nothing_to_map(mission))

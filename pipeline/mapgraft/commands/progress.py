@@ -27,6 +27,7 @@ class ProgressSink:
     """A sink that draws a bar on stderr: observations, their rate, the time left, merges so far."""
 
     def __init__(self, total: int | None, *, quiet: bool) -> None:
+        console = remarks()
         self._bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -34,22 +35,24 @@ class ProgressSink:
             Rate(),
             TimeRemainingColumn(),
             TextColumn("{task.fields[merges]}"),
-            console=remarks(),
-            disable=quiet,
+            console=console,
             transient=True,
         )
         # The first observation waits for the kernels, which are compiled once per machine and then kept.
         self._task = self._bar.add_task("starting (kernels compile on first use)", total=total, merges="")
         self._count = self._made = self._reverted = 0
+        self._quiet = quiet or not console.is_terminal
 
     def __enter__(self) -> Self:
-        self._bar.start()
+        if not self._quiet:
+            self._bar.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        self._bar.stop()
+        if not self._quiet:
+            self._bar.stop()
 
     def observed(self, observation: Observation) -> None:
         self._count += 1

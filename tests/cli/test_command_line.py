@@ -1,0 +1,207 @@
+"""The command line as a person uses it: results on stdout, sentences on stderr, exit codes, no traceback."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from mapgraft.cli import invoke
+from mapgraft_recordings import demo_files
+
+
+@pytest.fixture(scope="module")
+def demo_out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of one run of the demo, made by the command line."""
+    out = tmp_path_factory.mktemp("demo") / "out"
+    assert invoke(["run", "-q", "-o", str(out)]) == 0
+    return out
+
+
+def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    code = invoke(list(arguments))
+    out, err = capsys.readouterr()
+    assert "Traceback" not in err
+    return code, out, err
+
+
+def wrong(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
+    """The exit code and the sentence of something that cannot work; nothing on stdout."""
+    code, out, err = said(capsys, *arguments)
+    assert out == ""
+    assert err.startswith("mapgraft: ")
+    return code, err
+
+
+def test_help_and_version(capsys):
+    code, out, _ = said(capsys, "--help")
+    assert code == 0
+    for command in ("info", "run", "revert", "confirm", "forbid", "convert", "decide", "plugins"):
+        assert command in out
+    assert said(capsys, "--version")[1].startswith("mapgraft 0.")
+
+
+def test_help_imports_nothing_heavy():
+    code = "import sys; from mapgraft.cli import invoke; invoke(['--help']); print(sorted(sys.modules))"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    for heavy in ("numpy", "numba", "scipy", "pyarrow", "rosbags", "cv2", "pydantic", "matplotlib"):
+        assert f"'{heavy}'" not in loaded, heavy
+
+
+def test_run_tells_the_demos_story(demo_out, capsys):
+    code, out, _ = said(capsys, "run", "-q", "-o", str(demo_out))
+    assert code == 0
+    assert "reverted at" in out
+    assert "confirmed at" in out
+    assert "merges standing" in out
+
+
+def test_run_as_json(tmp_path, capsys):
+    code, out, _ = said(capsys, "run", "--json", "-o", str(tmp_path / "out"), "--end", "60")
+    document = json.loads(out)
+    assert code == 0
+    assert set(document["robots"]) == {"alpha", "bravo", "charlie"}
+    assert {merge["state"] for merge in document["merges"]} <= {"provisional", "confirmed", "reverted"}
+
+
+def test_a_persons_verdict_is_replayed_and_kept(demo_out, tmp_path, capsys):
+    import shutil
+
+    out = tmp_path / "out"
+    shutil.copytree(demo_out, out)
+    before = json.loads((out / "summary.json").read_text())
+    merge = next(m for m in before["merges"] if m["state"] == "confirmed")
+    code, text, _ = said(capsys, "revert", str(out), merge["merge_id"], "--by", "ann", "--reason", "no", "--json")
+    after = json.loads(text)
+    assert code == 0
+    assert merge["merge_id"] not in after["standing"]
+    reverted = next(m for m in after["merges"] if m["merge_id"] == merge["merge_id"])
+    assert reverted["reason"] == "a person said revert: no"
+    code, text, _ = said(capsys, "forbid", str(out), merge["merge_id"], "--json")
+    pair = {merge["receiver"], merge["donor"]}
+    assert all({m["receiver"], m["donor"]} != pair for m in json.loads(text)["merges"])
+    code, text, _ = said(capsys, "confirm", str(out), json.loads(text)["standing"][0], "--json")
+    assert code == 0
+
+
+def test_verdicts_on_what_is_not_there(demo_out, tmp_path, capsys):
+    assert wrong(capsys, "revert", str(tmp_path), "a.b.1") == (
+        2, f"mapgraft: {tmp_path} is not the folder of a finished run: it has no readable mission.json\n"
+    )  # fmt: skip
+    code, text = wrong(capsys, "revert", str(demo_out), "a.b.1")
+    assert code == 2
+    assert "has no merge 'a.b.1': it made alpha." in text
+
+
+def test_info(capsys):
+    code, out, _ = said(capsys, "info", *map(str, demo_files()[0]))
+    assert code == 0
+    for part in ("robot alpha", "/charlie/scan", "SLAM", "mission of 3 robots"):
+        assert part in out
+    assert json.loads(said(capsys, "info", "--json")[1])["robots"][0]["source"]["name"] == "alpha"
+
+
+def test_decide(capsys):
+    grids = ["--own", "type=occupancy_grid", "--own", "known_area_m2=50", "--own", "resolution_m=0.05"]
+    others = ["--other", "type=occupancy_grid", "--other", "known_area_m2=50", "--other", "resolution_m=0.1"]
+    code, out, _ = said(capsys, "decide", *grids, *others)
+    assert code == 0
+    assert "✓ grids of any resolution: applies" in out
+    answer = json.loads(said(capsys, "decide", "--json", "--own", "type=a", "--other", "type=b")[1])[0]
+    assert answer["rejected"]
+    assert "own.type is a, the rule wants occupancy_grid" in answer["reason"]
+
+
+def test_plugins(capsys):
+    listed = json.loads(said(capsys, "plugins", "list", "--json")[1])
+    assert {"carpin", "known_pose", "log_odds", "similarity", "distance", "occupancy_grid", "every", "at"} <= {
+        offered["name"] for offered in listed["offered"]
+    }
+    assert listed["broken"] == []
+    assert "resolution_m = 0.05" in said(capsys, "plugins", "show", "occupancy_grid")[1]
+    assert wrong(capsys, "plugins", "show", "nothing")[0] == 1
+
+
+def test_convert(tmp_path, capsys):
+    log = tmp_path / "a.log"
+    log.write_text("".join(f"FLASER 3 1 2 1 {n} 0 0 {n} 0 0 {n} h {n}\n" for n in range(5)))
+    code, out, _ = said(capsys, "convert", str(log), str(tmp_path / "a.mcap"))
+    assert code == 0
+    assert "/scan (sensor_msgs/msg/LaserScan): 5" in out
+    assert "robot a" in said(capsys, "info", str(tmp_path / "a.mcap"))[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "sentence"),
+    [
+        (["frobnicate"], 2, "No such command 'frobnicate'"),
+        (["run", "--frobnicate"], 2, "No such option"),
+        (["run", "--every", "x"], 2, "--every"),
+        (["run", "/there/is/no.mcap"], 1, "/there/is/no.mcap does not exist"),
+        (["run", "-c", "/there/is/no.yaml"], 2, "there is no file /there/is/no.yaml"),
+        (["run", "--prior", "alpha,bravo=1,2"], 2, "--prior wants RECEIVER,DONOR=X,Y,YAW"),
+        (["run", "--prior", "alpha,zulu=1,2,3"], 2, "there is no robot zulu: the recording has alpha, bravo, charlie"),
+        (["run", "--forbid", "alpha"], 2, "--forbid wants two robots"),
+        (["run", "--reversal", "undo"], 2, "reversal: Input should be 'ledger', 'single_map' or 'multi_map'"),
+        (["decide"], 2, "name recordings, or describe two maps"),
+        (["decide", "--own", "x=1", "--other", "type=b"], 2, "--own needs the map's type"),
+    ],
+)
+def test_what_cannot_work_is_one_sentence(tmp_path, capsys, arguments, code, sentence):
+    more = ["-o", str(tmp_path / "out")] if arguments[0] == "run" else []
+    found, text = wrong(capsys, *arguments, *more)
+    assert found == code
+    assert sentence in text
+    assert not (tmp_path / "out").exists()
+
+
+def test_config_faults_all_at_once(tmp_path, capsys):
+    config = tmp_path / "c.yaml"
+    config.write_text("misson: {}\nreversal: lodger\nrobots: {alpha: {map: {resolution_m: 0}}}\n")
+    code, text = wrong(capsys, "run", "-c", str(config), "-o", str(tmp_path / "out"))
+    assert code == 2
+    assert "2 faults" in text
+    config.write_text("robots: {alpha: {map: {resolution_m: 0}}}\n")
+    code, text = wrong(capsys, "run", "-c", str(config), "-o", str(tmp_path / "out"))
+    assert code == 2
+    assert "robots.alpha.map: " in text
+    config.write_text("robots: {alpha: {map: {type: cubes}}}\n")
+    assert (
+        "there is no map type called 'cubes'" in wrong(capsys, "run", "-c", str(config), "-o", str(tmp_path / "out"))[1]
+    )
+
+
+def test_an_output_folder_that_cannot_be_written(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    code, text = wrong(capsys, "run", "-q", "-o", str(tmp_path / "file"))
+    assert code == 1
+    assert text.count("\n") == 1
+
+
+def test_names_from_a_recording_cannot_steer_the_terminal(tmp_path, capsys):
+    path = tmp_path / "x\x1b[31mred.mcap"
+    path.write_bytes(b"nothing")
+    code, text = wrong(capsys, "run", str(path), "-o", str(tmp_path / "out"))
+    assert code == 1
+    assert "\x1b" not in text
+    assert "\\x1b" in text
+
+
+def test_ctrl_c_says_so_and_leaves_what_was_decided(tmp_path):
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "mapgraft", "run", "-q", "-o", str(out)]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"})
+    deadline = time.monotonic() + 60
+    while not list(out.glob("**/*.mcap*")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert err == "mapgraft: interrupted; what was decided before is on disk\n"
+    assert not list(out.glob("*.merge.mcap"))
