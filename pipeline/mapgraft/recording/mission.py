@@ -95,6 +95,11 @@ class Mission:
         return max((plan.range.last_ns + self._shifts[plan.name] for plan in self._plans), default=0)
 
     @property
+    def shifts(self) -> Mapping[str, int]:
+        """By how much each robot's stamps are moved to bring all to a common start, in nanoseconds."""
+        return self._shifts
+
+    @property
     def robots(self) -> tuple[RobotSource, ...]:
         """All robots, by name."""
         sources = [_described(plan, self._shifts[plan.name]) for plan in self._plans]

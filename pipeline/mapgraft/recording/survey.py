@@ -161,8 +161,8 @@ def _times(count: int) -> str:
 
 def _remarks(mission: Mission) -> list[str]:
     return [
-        f"{robot.name}: its stamps are shifted by {robot.shift_ns / S:+.3f} s, because it did not record together with "
-        "the others (mission.start: recorded keeps them)"
-        for robot in mission.robots
-        if robot.shift_ns
+        f"{name}: its stamps are shifted by {shift_ns / S:+.3f} s, because it did not record together with the others "
+        "(mission.start: recorded keeps them)"
+        for name, shift_ns in mission.shifts.items()
+        if shift_ns
     ]
