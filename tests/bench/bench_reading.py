@@ -14,7 +14,9 @@ import subprocess
 import sys
 import tempfile
 import time
+import zlib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import lz4.frame
@@ -64,8 +66,8 @@ def write_scans(path: Path, kind: str, scans: int) -> None:
         writer.finish()
 
 
-def bare(path: Path, kind: str) -> int:
-    """Decompress every chunk and do nothing else."""
+def bare(path: Path, kind: str, *, checked: bool = False) -> int:
+    """Decompress every chunk and do nothing else, or check its CRC too."""
     view, size = map_file(path), 0
     unpack: dict[str, Callable[[memoryview, int], bytes | memoryview]] = {
         "none": lambda packed, _: packed,
@@ -79,6 +81,7 @@ def bare(path: Path, kind: str) -> int:
         assert head is not None
         data = unpack[kind](view[head.begin : head.end], head.size)
         size += len(data)
+        assert not checked or zlib.crc32(data) == head.crc
     return size
 
 
@@ -103,7 +106,13 @@ def by_mcap_and_rosbags(path: Path, _: str) -> int:
         return sum(1 for _, _, message in messages if types.deserialize_cdr(message.data, TYPE))
 
 
-WAYS = {"bare": bare, "scans": by_scans, "messages": by_messages, "mcap+rosbags": by_mcap_and_rosbags}
+WAYS: dict[str, Callable[[Path, str], int]] = {
+    "bare": bare,
+    "bare + CRC": partial(bare, checked=True),
+    "scans": by_scans,
+    "messages": by_messages,
+    "mcap+rosbags": by_mcap_and_rosbags,
+}
 
 
 def measure(path: Path, kind: str, rounds: int, megabytes: float) -> float:
