@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -48,6 +48,7 @@ def encoded(encoding, given_) -> bytes:
 
 
 @pytest.mark.parametrize("encoding", ["cdr", "ros1"])
+@settings(deadline=None)
 @given(given_=st.lists(records, max_size=5))
 def test_equal_to_the_general_way(encoding, given_):
     data = encoded(encoding, given_)
@@ -58,6 +59,7 @@ def test_equal_to_the_general_way(encoding, given_):
 
 
 @pytest.mark.parametrize("encoding", ["cdr", "ros1"])
+@settings(deadline=None)
 @given(given_=st.lists(records, min_size=1, max_size=3), data=st.data())
 def test_what_is_cut_or_longer_is_left_to_the_general_way(encoding, given_, data):
     whole = encoded(encoding, given_)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -36,6 +36,7 @@ def found(pose: Pose7 | Missing) -> Pose7:
     return pose
 
 
+@settings(deadline=None)
 @given(poses, poses)
 def test_composition_and_inverse_are_those_of_matrices(a: Pose7, b: Pose7) -> None:
     A, B = to_transform(a), to_transform(b)
@@ -44,6 +45,7 @@ def test_composition_and_inverse_are_those_of_matrices(a: Pose7, b: Pose7) -> No
     assert math.isclose(angle_of(a), A.difference(A @ A.inverse())[1], abs_tol=1e-6)
 
 
+@settings(deadline=None)
 @given(poses, poses, st.floats(0, 1))
 def test_interpolation_is_scipys_slerp_and_a_straight_line(a: Pose7, b: Pose7, u: float) -> None:
     between = to_transform(interpolate(a, b, u)).matrix
@@ -54,6 +56,7 @@ def test_interpolation_is_scipys_slerp_and_a_straight_line(a: Pose7, b: Pose7, u
     assert np.allclose(between[:3, 3], (1 - u) * np.array(a[:3]) + u * np.array(b[:3]), atol=1e-9)
 
 
+@settings(deadline=None)
 @given(metres, metres, st.floats(-3.1, 3.1), st.floats(-3.1, 3.1), st.floats(0, 1))
 def test_planar_poses_stay_planar_and_turn_the_shorter_way(x: float, y: float, a: float, b: float, u: float) -> None:
     turn = math.remainder(b - a, 2 * math.pi)
@@ -64,6 +67,7 @@ def test_planar_poses_stay_planar_and_turn_the_shorter_way(x: float, y: float, a
     assert abs(math.remainder(yaw_of(between) - a - u * turn, 2 * math.pi)) < 1e-9
 
 
+@settings(deadline=None)
 @given(poses)
 def test_levelling_keeps_place_and_heading_only(a: Pose7) -> None:
     flat = levelled(a)
@@ -72,6 +76,7 @@ def test_levelling_keeps_place_and_heading_only(a: Pose7) -> None:
     assert abs(math.remainder(yaw_of(flat) - to_transform(a).yaw_rad, 2 * math.pi)) < 1e-9
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 400), poses), min_size=2, max_size=30, unique_by=lambda s: s[0]), st.data())
 def test_samples_may_come_in_any_order(samples: list[tuple[int, Pose7]], data: st.DataObject) -> None:
     given_, sorted_ = TransformBuffer(10 * S), TransformBuffer(10 * S)
@@ -83,6 +88,7 @@ def test_samples_may_come_in_any_order(samples: list[tuple[int, Pose7]], data: s
     assert given_.lookup("odom", "base", stamp_ns) == sorted_.lookup("odom", "base", stamp_ns)
 
 
+@settings(deadline=None)
 @given(st.lists(poses, min_size=1, max_size=6), st.data())
 def test_a_chain_is_the_product_of_its_edges_either_way(edges: list[Pose7], data: st.DataObject) -> None:
     buffer = TransformBuffer(S)

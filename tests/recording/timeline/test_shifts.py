@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapgraft.recording.robots.clocks import Range
@@ -36,11 +36,13 @@ def _share(a: Range, b: Range) -> bool:
     return late.first_ns + min(S, late.last_ns - late.first_ns) <= early.last_ns
 
 
+@settings(deadline=None)
 @given(robots)
 def test_recorded_moves_nobody(given_):
     assert shifts(given_, "recorded") == dict.fromkeys(given_, 0)
 
 
+@settings(deadline=None)
 @given(robots)
 def test_aligned_starts_every_group_with_the_earliest(given_):
     moved = shifts(given_, "aligned")
@@ -53,6 +55,7 @@ def test_aligned_starts_every_group_with_the_earliest(given_):
         assert min(given_[name].first_ns for name in group) + joint.pop() == first
 
 
+@settings(deadline=None)
 @given(robots)
 def test_aligning_twice_changes_nothing(given_):
     moved = shifts(given_, "aligned")
