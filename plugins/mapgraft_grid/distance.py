@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, get_args
+from typing import Final, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from mapgraft_grid.overlap import pair_of
 Variant = Literal["sum", "mean", "pooled"]
 Distances = NDArray[np.int32]  # (h, w) cells
 Sums = NDArray[np.int64]  # (3, 3) row = class; columns = count, sum, trimmed sum
+MARGIN: Final = 1  # cells around the joint box that are looked at straight away
 _NOTHING = (np.zeros((3, 3), np.int64), np.zeros((3, 3), np.int64))
 
 # A limit between right and wrong merges, from the averages of the paper's tables 1 to 3, where right merges agree in
@@ -101,21 +102,49 @@ def sums_between(
     box = _common_box(target, donor)
     if box is None:
         return _NOTHING
-    x, y, width, height = box
     left, bottom = donor.dense().origin_cell
-    rows, columns = slice(y - bottom, y - bottom + height), slice(x - left, x - left + width)
-    own = target.dense_over((x, y), (height, width)).classes
+    rows, columns = slice(box.y - bottom, box.y - bottom + box.height), slice(box.x - left, box.x - left + box.width)
     other = donor.dense().classes[rows, columns]
-    ab = collect(own, other, donor_fields[0][rows, columns], donor_fields[1][rows, columns], trim)
-    fields = distance_maps(own)
-    around = reach_beyond(other, own, *fields)
-    if around:
-        fields = _fields_with_margin(target, box, around)
-    return ab, collect(other, own, *fields, trim)
+    seen = _Surroundings.of(target, box, MARGIN)
+    if missing := reach_beyond(other, seen.classes, *seen.fields, seen.margins):
+        seen = _Surroundings.of(target, box, MARGIN + missing)
+    ab = collect(seen.classes, other, donor_fields[0][rows, columns], donor_fields[1][rows, columns], trim)
+    return ab, collect(other, seen.classes, *seen.fields, trim)
 
 
-def _common_box(target: GridMap, donor: GridMap) -> tuple[int, int, int, int] | None:
-    """Lowest column and row, width and height of the cells known in both, or None."""
+class _Box(NamedTuple):
+    """A rectangle of cells: its lowest column and row, its size."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+
+class _Surroundings(NamedTuple):
+    """A map in a box, with distances to what it knows in the box and ``margins`` cells around it."""
+
+    classes: Classes
+    fields: tuple[Distances, Distances]
+    margins: tuple[int, int, int, int]  # left, below, right, above; everything where the map ends earlier
+
+    @classmethod
+    def of(cls, map_: GridMap, box: _Box, margin: int) -> _Surroundings:
+        x0, y0, x1, y1 = map_.bounds_cells()
+        right, top = box.x + box.width, box.y + box.height
+        wide_x, wide_y = min(box.x, max(box.x - margin, x0)), min(box.y, max(box.y - margin, y0))
+        wide_right, wide_top = max(right, min(right + margin, x1)), max(top, min(top + margin, y1))
+        classes = map_.dense_over((wide_x, wide_y), (wide_top - wide_y, wide_right - wide_x)).classes
+        fields = distance_maps(classes)
+        rows, columns = slice(box.y - wide_y, top - wide_y), slice(box.x - wide_x, right - wide_x)
+        ends = (wide_x <= x0, wide_y <= y0, wide_right >= x1, wide_top >= y1)
+        left_m, below_m, right_m, above_m = (sum(classes.shape) if end else margin for end in ends)
+        inside = fields[0][rows, columns], fields[1][rows, columns]
+        return cls(classes[rows, columns], inside, (left_m, below_m, right_m, above_m))
+
+
+def _common_box(target: GridMap, donor: GridMap) -> _Box | None:
+    """The smallest box around the cells known in both, or None."""
     shared = [key for key in donor.tiles if key in target.tiles]
     if not shared or not target.known():
         return None
@@ -129,20 +158,7 @@ def _common_box(target: GridMap, donor: GridMap) -> tuple[int, int, int, int] | 
     own = target.dense_over((first_x, first_y), (last_y - first_y, last_x - first_x)).classes
     other = theirs.classes[first_y - bottom : last_y - bottom, first_x - left : last_x - left]
     top, near, end_row, end_column = joint_box(own, other)
-    if end_row == 0:
-        return None
-    return first_x + near, first_y + top, end_column - near, end_row - top
-
-
-def _fields_with_margin(target: GridMap, box: tuple[int, int, int, int], around: int) -> tuple[Distances, Distances]:
-    """The target's distance maps over the box, made with the cells up to ``around`` outside it that it knows."""
-    x, y, width, height = box
-    x0, y0, x1, y1 = target.bounds_cells()
-    left, bottom = min(x, max(x - around, x0)), min(y, max(y - around, y0))
-    right, top = max(x + width, min(x + width + around, x1)), max(y + height, min(y + height + around, y1))
-    wide = distance_maps(target.dense_over((left, bottom), (top - bottom, right - left)).classes)
-    rows, columns = slice(y - bottom, y - bottom + height), slice(x - left, x - left + width)
-    return wide[0][rows, columns], wide[1][rows, columns]
+    return _Box(first_x + near, first_y + top, end_column - near, end_row - top) if end_row else None
 
 
 def _measurement(

@@ -140,6 +140,18 @@ def test_a_nearest_cell_outside_the_overlap_counts(grid_map_of: MakeMap) -> None
     assert found.details["occupied"] == pytest.approx(0.0 + (2 + 0) / 2)
 
 
+def test_a_nearest_cell_far_outside_the_overlap_counts(grid_map_of: MakeMap) -> None:
+    """The overlap is a column of 400 cells; the nearest wall lies 150 cells to its left, the next one at its top."""
+    target = np.zeros((400, 151), np.uint8)
+    target[:, 150] = 1
+    target[399, 150] = target[0, 0] = 2
+    donor = np.ones((400, 1), np.uint8)
+    donor[0] = 2
+    found = measured(Distance(), Pair(grid_map_of(target), grid_map_of(donor, 0.1, (150, 0))))
+    assert found.details["occupied"] == pytest.approx(150 + 399)
+    assert found.details["trimmed"] - found.details["free"] <= 2 * 10
+
+
 @settings(deadline=None, max_examples=100)
 @given(st.integers(0, 2**32 - 1), st.sampled_from((0.0, 0.02, 0.3)), st.sampled_from((FREE, OCCUPIED)))
 def test_distance_maps_agree_with_another_implementation(seed: int, share: float, wanted: int) -> None:

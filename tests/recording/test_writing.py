@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
+from mapgraft.contracts.sources import ScanMessage
 from mapgraft.errors import OutputError, RecordingError, UsageError
 from mapgraft.recording.containers.opening import open_source
 from mapgraft.recording.decoding.poses import poses_of
 from mapgraft.recording.decoding.records import planar_record
 from mapgraft.recording.ros2_types import laser_scan, odometry, transforms
-from mapgraft.recording.source import ScanMessage
 from mapgraft.recording.writing import RecordingWriter, convert
 
 LOG = """\

@@ -29,6 +29,7 @@ from mapgraft.contracts.merging import (
 )
 from mapgraft.contracts.observations import GRID_MESSAGE, SCAN, GridMessage, Observation, Rays, Scan
 from mapgraft.contracts.plugin import API, Descriptor, Register, RegisterRules, hookimpl
+from mapgraft.contracts.sources import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText, Source
 from mapgraft.contracts.verification import (
     Comparison,
     Measurement,
@@ -60,6 +61,7 @@ __all__ = [
     "SCAN",
     "Acceptor",
     "Candidate",
+    "Channel",
     "Comparison",
     "ConfigError",
     "Contribution",
@@ -94,7 +96,10 @@ __all__ = [
     "Policy",
     "Prior",
     "Provenance",
+    "RawMessage",
     "Rays",
+    "ReadFaults",
+    "RecordedScan",
     "RecordingError",
     "Region",
     "Register",
@@ -104,7 +109,10 @@ __all__ = [
     "Role",
     "Sample",
     "Scan",
+    "ScanMessage",
+    "SchemaText",
     "Situation",
+    "Source",
     "Step",
     "Tracker",
     "Transform",

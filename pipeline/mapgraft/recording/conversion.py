@@ -6,13 +6,13 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
+from mapgraft.contracts.sources import Channel, RawMessage, SchemaText, Source
 from mapgraft.errors import RecordingError
 from mapgraft.recording import ros2_types
 from mapgraft.recording.containers.carmen_lines import CarmenOdometry, CarmenScan
 from mapgraft.recording.decoding.poses import CARMEN_BASE, CARMEN_MAP, carmen_odometry, carmen_scan
 from mapgraft.recording.decoding.records import PoseRecord, planar_record
 from mapgraft.recording.ros2_types import Encoded
-from mapgraft.recording.source import Channel, RawMessage, SchemaText, Source
 
 TF, TF_STATIC = "/tf", "/tf_static"
 _PRIMARY_LASERS = ("FLASER", "LASER_READING", "ROBOTLASER1")

@@ -11,6 +11,7 @@ from typing import Self
 
 from mapgraft.config import Config
 from mapgraft.contracts import Observation, RecordingError, Transform
+from mapgraft.contracts.sources import Fault, ReadFaults
 from mapgraft.plugins import Plugins
 from mapgraft.recording.poses.frames import Drift
 from mapgraft.recording.poses.rigid import Pose7, from_transform, inverse, levelled, to_transform
@@ -22,7 +23,6 @@ from mapgraft.recording.robots.plan import RobotPlan
 from mapgraft.recording.robots.roster import MapFile, Roster, call_roll
 from mapgraft.recording.robots.worlds import known_world
 from mapgraft.recording.smear import odometry_plan
-from mapgraft.recording.source import Fault, ReadFaults
 from mapgraft.recording.timeline.intake import Limits
 from mapgraft.recording.timeline.shifts import shifts
 from mapgraft.recording.timeline.stream import Member, Stream

@@ -10,11 +10,11 @@ import numpy as np
 from rosbags.typesys import get_typestore
 from rosbags.typesys.store import Typestore
 
+from mapgraft.contracts.sources import LASER_SCAN, ScanMessage, SchemaText
 from mapgraft.errors import RecordingError
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, UNDECODABLE, known_typestore, types_of
 from mapgraft.recording.decoding.names import message_type
 from mapgraft.recording.decoding.records import PoseRecord
-from mapgraft.recording.source import LASER_SCAN, ScanMessage, SchemaText
 
 TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 ODOMETRY = "nav_msgs/msg/Odometry"

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.config import PosesConfig
+from mapgraft.contracts.sources import CARMEN_ODOMETRY
 from mapgraft.recording.decoding.poses import CARMEN_ODOM
 from mapgraft.recording.naming import is_odom, robot_namespace
 from mapgraft.recording.poses.frames import Drift
@@ -17,7 +18,6 @@ from mapgraft.recording.poses.rigid import Pose7, angle_of, compose, inverse
 from mapgraft.recording.robots.choice import PosePlan, choose_poses
 from mapgraft.recording.robots.clocks import times_of
 from mapgraft.recording.robots.plan import RobotPlan
-from mapgraft.recording.source import CARMEN_ODOMETRY
 
 SEGMENT_M = 10.0
 _STEP_M = 0.05  # shorter steps are noise, not path

@@ -15,12 +15,12 @@ from typing import BinaryIO, Self
 
 from mcap.writer import CompressionType, Writer
 
+from mapgraft.contracts.sources import Channel, Fault, ReadFaults, SchemaText, Source
 from mapgraft.errors import OutputError, RecordingError, UsageError
 from mapgraft.recording.containers.opening import Reader, open_source
 from mapgraft.recording.conversion import Convert, Output, Untold, converters
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE
 from mapgraft.recording.ros2_types import Encoded
-from mapgraft.recording.source import Channel, Fault, ReadFaults, SchemaText, Source
 
 CHUNK_BYTES = 1 << 20
 

@@ -53,20 +53,26 @@ def joint_box(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> tuple[int, int, int
 
 @njit(cache=True)
 def reach_beyond(
-    source: NDArray[np.uint8], other: NDArray[np.uint8], to_free: NDArray[np.int32], to_occupied: NDArray[np.int32]
+    source: NDArray[np.uint8],
+    other: NDArray[np.uint8],
+    to_free: NDArray[np.int32],
+    to_occupied: NDArray[np.int32],
+    margins: tuple[int, int, int, int],
 ) -> int:
-    """How many cells around the window of ``other`` must be seen as well for the distances that ``collect`` reads.
+    """How many cells more must be seen around ``other`` for the distances that ``collect`` reads to be exact.
 
-    A cell of ``other`` outside the window may be the nearest one where the border is nearer than the distance found.
+    All arrays (h, w) are cut from wider ones, in which ``other`` was seen ``margins`` cells farther to the left, below,
+    to the right and above. A cell outside may be the nearest one where the border is nearer than the distance found.
     """
     height, width = source.shape
+    left, below, right, above = margins
     most = 0
     for y in range(height):
         for x in range(width):
             c = source[y, x]
             if c > 0 and other[y, x] > 0:
                 d = to_occupied[y, x] if c == 2 else to_free[y, x]
-                outside = min(x, width - 1 - x, y, height - 1 - y) + 1
+                outside = min(x + left, width - 1 - x + right, y + below, height - 1 - y + above) + 1
                 most = max(most, d - outside)
     return most
 

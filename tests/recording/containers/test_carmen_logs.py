@@ -12,12 +12,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from mapgraft.contracts.sources import Fault
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.carmen_file import CarmenSource
 from mapgraft.recording.containers.carmen_lines import CarmenOdometry, CarmenScan, beam_angles
 from mapgraft.recording.decoding.poses import poses_of
 from mapgraft.recording.decoding.scans import scan_payload
-from mapgraft.recording.source import Fault
 
 THOROUGH = settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 

@@ -11,10 +11,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.writer import IndexType
 
+from mapgraft.contracts.sources import Source
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers import chunks as chunk_reading
 from mapgraft.recording.containers.mcap_file import McapSource
-from mapgraft.recording.source import Source
 
 QUICK = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
+from mapgraft.contracts.sources import Source
 from mapgraft.errors import RecordingError, UsageError
 from mapgraft.recording.containers.opening import Reader, open_source
 from mapgraft.recording.containers.tum_file import TumSource
-from mapgraft.recording.source import Source
 
 
 @pytest.mark.parametrize(

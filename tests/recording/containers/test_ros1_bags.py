@@ -12,9 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag1 import Reader, Writer
 
+from mapgraft.contracts.sources import Source
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.bag_file import BagSource
-from mapgraft.recording.source import Source
 
 THOROUGH = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 

@@ -11,10 +11,10 @@ from zlib import crc32
 import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 
+from mapgraft.contracts.sources import Source
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.bag_folder import BagFolderSource
 from mapgraft.recording.containers.sqlite_file import SqliteSource
-from mapgraft.recording.source import Source
 
 REAL = "bags/turtlebot4/macfirst_floor_take_2"
 

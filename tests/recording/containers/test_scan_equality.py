@@ -10,10 +10,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from mapgraft.contracts.sources import ScanMessage, SchemaText
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.mcap_file import McapSource
 from mapgraft.recording.decoding.codecs import RosCodec, codec_for
-from mapgraft.recording.source import ScanMessage, SchemaText
 
 THOROUGH = settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 

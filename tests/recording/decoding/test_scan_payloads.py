@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from mapgraft.contracts import Transform
+from mapgraft.contracts.sources import ScanMessage
 from mapgraft.errors import RecordingError
 from mapgraft.recording.decoding.scans import beam_directions, scan_payload
-from mapgraft.recording.source import ScanMessage
 
 INF, NAN = math.inf, math.nan
 

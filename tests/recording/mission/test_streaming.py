@@ -401,9 +401,9 @@ def test_scans_do_not_pile_up(record):
     from dataclasses import replace
 
     from mapgraft.config import parse_config
+    from mapgraft.contracts.sources import ReadFaults
     from mapgraft.recording.robots.library import Library
     from mapgraft.recording.robots.roster import call_roll
-    from mapgraft.recording.source import ReadFaults
     from mapgraft.recording.timeline.intake import Limits
     from mapgraft.recording.timeline.stream import Member, Stream
     from mapgraft.recording.timeline.tally import Tally

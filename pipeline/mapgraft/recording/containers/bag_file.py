@@ -8,6 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from mapgraft.contracts.sources import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.bag_index import BagIndex, read_bag_index
 from mapgraft.recording.containers.bag_records import MAGIC, Connection, bag_content, bag_messages, bag_records
@@ -18,7 +19,6 @@ from mapgraft.recording.containers.scanning import scans_of
 from mapgraft.recording.containers.selection import Wanted, places_of, wanted
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, Undecodable, codec_for
 from mapgraft.recording.decoding.names import message_type
-from mapgraft.recording.source import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText
 
 OLD_MAGIC = b"#ROSRECORD V"
 ANY_MAGIC = b"#ROSBAG V"

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from mapgraft.contracts.sources import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText, Source
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.bag_metadata import BagLayout, read_layout
 from mapgraft.recording.containers.mcap_file import McapSource
@@ -19,7 +20,6 @@ from mapgraft.recording.containers.scanning import scans_of
 from mapgraft.recording.containers.sqlite_file import SqliteSource
 from mapgraft.recording.containers.zstd_files import unpack_file, unpack_message
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE
-from mapgraft.recording.source import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText, Source
 
 
 class BagFolderSource:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from mapgraft.contracts.sources import ReadFaults
 from mapgraft.recording.containers.bag_records import (
     MAGIC,
     OP_BAG,
@@ -20,7 +21,6 @@ from mapgraft.recording.containers.bag_records import (
     time_ns,
 )
 from mapgraft.recording.containers.chunks import Place, note_damage
-from mapgraft.recording.source import ReadFaults
 
 
 @dataclass(slots=True)

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 
+from mapgraft.contracts.sources import ReadFaults
 from mapgraft.errors import RecordingError
-from mapgraft.recording.source import ReadFaults
 
 METADATA = "metadata.yaml"
 SUFFIXES = (".db3", ".mcap")

@@ -10,9 +10,9 @@ from collections.abc import Iterator, Mapping
 from operator import attrgetter
 from typing import NamedTuple
 
+from mapgraft.contracts.sources import RawMessage
 from mapgraft.recording.containers.inflate import Content, inflate
 from mapgraft.recording.containers.selection import Wanted
-from mapgraft.recording.source import RawMessage
 
 MAGIC = b"#ROSBAG V2.0\n"
 OP_MESSAGE, OP_BAG, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION = 2, 3, 5, 6, 7

@@ -10,6 +10,16 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from mapgraft.contracts.sources import (
+    CARMEN_LASER_SCAN,
+    CARMEN_ODOMETRY,
+    Channel,
+    RawMessage,
+    ReadFaults,
+    RecordedScan,
+    ScanMessage,
+    SchemaText,
+)
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.carmen_clock import ClockSurvey, Time
 from mapgraft.recording.containers.carmen_lines import (
@@ -25,16 +35,6 @@ from mapgraft.recording.containers.carmen_lines import (
 from mapgraft.recording.containers.carmen_survey import RangeSurvey
 from mapgraft.recording.containers.scanning import scans_of
 from mapgraft.recording.containers.text_lines import Line, lines
-from mapgraft.recording.source import (
-    CARMEN_LASER_SCAN,
-    CARMEN_ODOMETRY,
-    Channel,
-    RawMessage,
-    ReadFaults,
-    RecordedScan,
-    ScanMessage,
-    SchemaText,
-)
 
 _BROKEN = (ValueError, IndexError, OverflowError)
 

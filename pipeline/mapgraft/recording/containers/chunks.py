@@ -16,8 +16,8 @@ from itertools import islice
 from operator import attrgetter
 from typing import Generic, NamedTuple, Protocol, Self, TypeVar
 
+from mapgraft.contracts.sources import ReadFaults
 from mapgraft.recording.containers.inflate import Content
-from mapgraft.recording.source import ReadFaults
 
 RESIDENT_BYTES = 32 << 20
 """How much decompressed data may wait at a time, beside the one chunk that is being read."""

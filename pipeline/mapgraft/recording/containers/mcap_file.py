@@ -12,6 +12,15 @@ from typing import Self
 
 from mcap.records import Channel as ChannelRecord
 
+from mapgraft.contracts.sources import (
+    SCAN_TYPES,
+    Channel,
+    RawMessage,
+    ReadFaults,
+    RecordedScan,
+    ScanMessage,
+    SchemaText,
+)
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.chunks import Place, T, in_log_order, note_damage, note_late, note_strangers
 from mapgraft.recording.containers.inflate import Content
@@ -25,7 +34,6 @@ from mapgraft.recording.containers.scanning import decoded_scan
 from mapgraft.recording.containers.selection import Wanted, places_of, wanted
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, RosCodec, Undecodable, codec_for
 from mapgraft.recording.decoding.names import message_type
-from mapgraft.recording.source import SCAN_TYPES, Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText
 
 
 class McapSource:

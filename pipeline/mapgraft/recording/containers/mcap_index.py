@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from mcap.records import Channel as ChannelRecord
 from mcap.records import ChunkIndex, Footer, Header, Schema, Statistics
 
+from mapgraft.contracts.sources import ReadFaults
 from mapgraft.recording.containers.chunks import Place, note_damage
 from mapgraft.recording.containers.mcap_messages import Spans, spans
 from mapgraft.recording.containers.mcap_records import (
@@ -26,7 +27,6 @@ from mapgraft.recording.containers.mcap_records import (
     parsed,
     records,
 )
-from mapgraft.recording.source import ReadFaults
 
 BARE_BLOCK_BYTES = 1 << 20
 """Messages outside chunks are read in blocks of about this size."""

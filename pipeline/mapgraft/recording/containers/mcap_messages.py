@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import NamedTuple
 
+from mapgraft.contracts.sources import RawMessage
 from mapgraft.recording.containers.mcap_records import (
     MESSAGE_HEAD,
     OPCODE_CHANNEL,
@@ -17,7 +18,6 @@ from mapgraft.recording.containers.mcap_records import (
     records,
 )
 from mapgraft.recording.containers.selection import Wanted
-from mapgraft.recording.source import RawMessage
 
 _message_head = struct.Struct("<BQHIQ").unpack_from  # opcode, length, channel, sequence, log time
 _log_ns = attrgetter("log_ns")

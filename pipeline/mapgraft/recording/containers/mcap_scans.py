@@ -13,11 +13,11 @@ from itertools import repeat
 import numpy as np
 from numpy.typing import NDArray
 
+from mapgraft.contracts.sources import Channel, RecordedScan, ScanMessage
 from mapgraft.recording.containers.mcap_records import MESSAGE_HEAD, OPCODE_MESSAGE, RECORD_HEAD
 from mapgraft.recording.containers.selection import Wanted
 from mapgraft.recording.decoding.laser_layout import FLOAT32, LITTLE_ENDIAN_CDR, Layout, layout_of
 from mapgraft.recording.decoding.names import bare_frame
-from mapgraft.recording.source import Channel, RecordedScan, ScanMessage
 
 _index_head = struct.Struct("<BQHI").unpack_from  # opcode, length, channel, bytes of the entries
 _message_head = struct.Struct("<BQHIQ").unpack_from

@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from mapgraft.contracts.sources import Source
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.carmen_lines import KEYWORDS
 from mapgraft.recording.containers.text_lines import GZIP_MAGIC
 from mapgraft.recording.containers.tum_file import pose_of
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, known_typestore
-from mapgraft.recording.source import Source
 
 _GLANCE_BYTES = 1 << 16
 _PACKED = {b"BZh": "bunzip2", b"\xfd7zXZ": "unxz", b"\x28\xb5\x2f\xfd": "unzstd", b"PK\x03\x04": "unzip"}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
+from mapgraft.contracts.sources import SCAN_TYPES, RawMessage, ReadFaults, RecordedScan, Source
 from mapgraft.errors import RecordingError
-from mapgraft.recording.source import SCAN_TYPES, RawMessage, ReadFaults, RecordedScan, Source
 
 
 def decoded_scan(source: Source, message: RawMessage, faults: ReadFaults) -> RecordedScan | None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
+from mapgraft.contracts.sources import Channel
 from mapgraft.recording.containers.chunks import Place
-from mapgraft.recording.source import Channel
 
 _FOREVER_NS = 2**64
 

@@ -9,13 +9,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
 
+from mapgraft.contracts.sources import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.latching import keeps_last
 from mapgraft.recording.containers.scanning import scans_of
 from mapgraft.recording.containers.selection import Wanted, wanted
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, Undecodable, codec_for
 from mapgraft.recording.decoding.names import message_type
-from mapgraft.recording.source import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText
 
 MAGIC = b"SQLite format 3\0"
 

@@ -9,8 +9,8 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, cast
 
+from mapgraft.contracts.sources import ReadFaults
 from mapgraft.errors import RecordingError
-from mapgraft.recording.source import ReadFaults
 
 GZIP_MAGIC = b"\x1f\x8b"
 LONGEST_LINE_BYTES = 1 << 20

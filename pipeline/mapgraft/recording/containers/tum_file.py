@@ -10,11 +10,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from mapgraft.contracts.sources import TUM_POSE, Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.scanning import scans_of
 from mapgraft.recording.containers.text_lines import lines, seconds_to_ns
 from mapgraft.recording.decoding.records import PoseRecord
-from mapgraft.recording.source import TUM_POSE, Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText
 
 TOPIC = "trajectory"
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import zstandard
 
+from mapgraft.contracts.sources import ReadFaults
 from mapgraft.errors import RecordingError
-from mapgraft.recording.source import ReadFaults
 
 MESSAGE_LIMIT_BYTES = 1 << 30
 """A compressed message that says it is larger than this is not believed."""

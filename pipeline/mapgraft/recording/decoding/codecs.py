@@ -16,11 +16,11 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from mapgraft.contracts.sources import LASER_SCAN, ScanMessage, SchemaText
 from mapgraft.errors import MapgraftError, RecordingError, UsageError
 from mapgraft.recording.decoding.laser_layout import LaserScanReader
 from mapgraft.recording.decoding.names import message_type
 from mapgraft.recording.decoding.scan_fields import SCAN_READERS
-from mapgraft.recording.source import LASER_SCAN, ScanMessage, SchemaText
 
 DEFAULT_TYPESTORE = "ros2_humble"
 Data = bytes | memoryview

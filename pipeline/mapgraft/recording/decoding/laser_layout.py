@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mapgraft.recording.source import ScanMessage
+from mapgraft.contracts.sources import ScanMessage
 
 FLOAT32 = np.dtype("<f4")
 LITTLE_ENDIAN_CDR = 0x0100  # bytes 00 01

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from mapgraft.contracts.sources import CARMEN_LASER_SCAN, CARMEN_ODOMETRY, TUM_POSE
 from mapgraft.errors import RecordingError
 from mapgraft.recording.decoding.names import bare_frame
 from mapgraft.recording.decoding.records import PoseRecord, planar_record
 from mapgraft.recording.decoding.scan_fields import stamp_ns
-from mapgraft.recording.source import CARMEN_LASER_SCAN, CARMEN_ODOMETRY, TUM_POSE
 
 PoseReader = Callable[[Any], tuple[PoseRecord, ...]]
 

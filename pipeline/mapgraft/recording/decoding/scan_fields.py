@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.contracts.geometry import Transform
-from mapgraft.recording.decoding.names import bare_frame
-from mapgraft.recording.source import (
+from mapgraft.contracts.sources import (
     FOXGLOVE_LASER_SCAN,
     FOXGLOVE_ROS_LASER_SCAN,
     LASER_SCAN,
     ScanMessage,
 )
+from mapgraft.recording.decoding.names import bare_frame
 
 _TIME_FIELDS = (("sec", "nanosec"), ("sec", "nsec"), ("seconds", "nanos"), ("secs", "nsecs"))
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.contracts.observations import Scan
+from mapgraft.contracts.sources import ScanMessage
 from mapgraft.errors import RecordingError
-from mapgraft.recording.source import ScanMessage
 
 MOST_BEAMS = 1 << 20
 """More beams than any lidar has: a count beyond this is a broken message."""

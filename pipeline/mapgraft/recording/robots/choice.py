@@ -10,13 +10,13 @@ from typing import Literal
 
 from mapgraft.config import PosesConfig
 from mapgraft.contracts import GRID_MESSAGE, ConfigError
+from mapgraft.contracts.sources import CARMEN_LASER_SCAN, CARMEN_ODOMETRY
 from mapgraft.recording.decoding.poses import CARMEN_MAP, CARMEN_ODOM
 from mapgraft.recording.naming import is_base, is_map, is_odom, is_wish, is_world
 from mapgraft.recording.poses.frames import Drift, Frames, Roles, roles_of
 from mapgraft.recording.poses.rigid import angle_of, compose, inverse
 from mapgraft.recording.robots.glimpse import Glimpse, SeenPayload, SeenPoses
 from mapgraft.recording.robots.trees import Tree, tree_of
-from mapgraft.recording.source import CARMEN_LASER_SCAN, CARMEN_ODOMETRY
 
 PATH = "nav_msgs/msg/Path"
 _NAMES_SHOWN = 10

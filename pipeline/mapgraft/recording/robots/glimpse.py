@@ -11,11 +11,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 
+from mapgraft.contracts.sources import Channel, RawMessage, Source
 from mapgraft.errors import RecordingError
 from mapgraft.recording.poses.frames import SeenEdge, Stamped
 from mapgraft.recording.poses.rigid import Pose7, pose7
 from mapgraft.recording.robots.payloads import POSE_TYPES, TF_TYPES, Payloads, poses_in
-from mapgraft.recording.source import Channel, RawMessage, Source
 
 _WINDOWS = 9
 _WINDOW_NS = 2_000_000_000

@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from mapgraft.contracts import GRID_MESSAGE, SCAN, MapgraftError, RecordingError, Transform
+from mapgraft.contracts.sources import CARMEN_LASER_SCAN, SCAN_TYPES, RawMessage, RecordedScan, ScanMessage, Source
 from mapgraft.recording.decoding.grids import grid_payload
 from mapgraft.recording.decoding.names import bare_frame
 from mapgraft.recording.decoding.poses import POSE_READERS, poses_of
@@ -16,7 +17,6 @@ from mapgraft.recording.decoding.scans import scan_payload
 from mapgraft.recording.poses.lookup import Placed
 from mapgraft.recording.poses.quick_tf import QUICK_TYPES, transforms
 from mapgraft.recording.poses.rigid import pose7
-from mapgraft.recording.source import CARMEN_LASER_SCAN, SCAN_TYPES, RawMessage, RecordedScan, ScanMessage, Source
 
 GRID_TYPES = frozenset({"nav_msgs/msg/OccupancyGrid"})
 TF_TYPES = frozenset(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from mapgraft.contracts.sources import RawMessage, ReadFaults, Source
 from mapgraft.errors import RecordingError
 from mapgraft.recording.poses.lookup import TreePoses
 from mapgraft.recording.poses.rigid import believable
@@ -12,7 +13,6 @@ from mapgraft.recording.poses.tf import TransformBuffer
 from mapgraft.recording.robots.clocks import EdgeName
 from mapgraft.recording.robots.payloads import Read, poses_in
 from mapgraft.recording.robots.trees import TfTopic
-from mapgraft.recording.source import RawMessage, ReadFaults, Source
 
 KEPT_NS = 60_000_000_000
 """How much of the past a tree keeps; scans wait for their poses a few seconds at most."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.contracts import GRID_MESSAGE, Observation, RecordingError, Scan
+from mapgraft.contracts.sources import Source
 from mapgraft.recording.poses.frames import Stamped
 from mapgraft.recording.poses.lookup import Placed, TreePoses, beams_in_motion
 from mapgraft.recording.poses.rigid import IDENTITY, Pose7, compose, from_transform, to_transform
@@ -17,7 +18,6 @@ from mapgraft.recording.poses.tf import Missing
 from mapgraft.recording.robots.clocks import INDEX_STEP_NS
 from mapgraft.recording.robots.payloads import Opened, Payloads, Read
 from mapgraft.recording.robots.plan import RobotPlan
-from mapgraft.recording.source import Source
 from mapgraft.recording.timeline.feeds import PoseFile
 from mapgraft.recording.timeline.tally import Tally, TopicTally
 

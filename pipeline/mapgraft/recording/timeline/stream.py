@@ -9,13 +9,13 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from mapgraft.contracts import Observation
+from mapgraft.contracts.sources import CARMEN_LASER_SCAN, SCAN_TYPES, ReadFaults, Source
 from mapgraft.recording.poses.lookup import TreePoses
 from mapgraft.recording.poses.rigid import Pose7
 from mapgraft.recording.poses.tf import TransformBuffer
 from mapgraft.recording.robots.clocks import offset_of
 from mapgraft.recording.robots.payloads import Payloads, Read
 from mapgraft.recording.robots.plan import RobotPlan
-from mapgraft.recording.source import CARMEN_LASER_SCAN, SCAN_TYPES, ReadFaults, Source
 from mapgraft.recording.timeline.feeds import Feed, PoseFile, Reading
 from mapgraft.recording.timeline.intake import Intake, Limits, Waiting
 from mapgraft.recording.timeline.tally import Tally
