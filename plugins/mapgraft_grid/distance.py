@@ -17,7 +17,7 @@ from mapgraft_grid.overlap import pair_of
 Variant = Literal["sum", "mean", "pooled"]
 Distances = NDArray[np.int32]  # (h, w) cells
 Sums = NDArray[np.int64]  # (3, 3) row = class; columns = count, sum, trimmed sum
-MARGIN: Final = 1  # cells around the joint box that are looked at straight away
+MARGIN: Final = 64  # cells around the joint box that are looked at straight away
 _NOTHING = (np.zeros((3, 3), np.int64), np.zeros((3, 3), np.int64))
 
 # A limit between right and wrong merges, from the averages of the paper's tables 1 to 3, where right merges agree in
