@@ -17,7 +17,8 @@ from mapgraft_grid.overlap import pair_of
 Variant = Literal["sum", "mean", "pooled"]
 Distances = NDArray[np.int32]  # (h, w) cells
 Sums = NDArray[np.int64]  # (3, 3) row = class; columns = count, sum, trimmed sum
-MARGIN: Final = 64  # cells around the joint box that are looked at straight away
+MARGIN: Final = 64  # cells around the joint box that are looked at first
+MOST_SPARED: Final = 2  # where the whole map is at most so many times larger than that, all of it is looked at
 _NOTHING = (np.zeros((3, 3), np.int64), np.zeros((3, 3), np.int64))
 
 # A limit between right and wrong merges, from the averages of the paper's tables 1 to 3, where right merges agree in
@@ -105,9 +106,10 @@ def sums_between(
     left, bottom = donor.dense().origin_cell
     rows, columns = slice(box.y - bottom, box.y - bottom + box.height), slice(box.x - left, box.x - left + box.width)
     other = donor.dense().classes[rows, columns]
-    seen = _Surroundings.of(target, box, MARGIN)
+    margin = _first_margin(target, box)
+    seen = _Surroundings.of(target, box, margin)
     if missing := reach_beyond(other, seen.classes, *seen.fields, seen.margins):
-        seen = _Surroundings.of(target, box, MARGIN + missing)
+        seen = _Surroundings.of(target, box, margin + missing)
     ab = collect(seen.classes, other, donor_fields[0][rows, columns], donor_fields[1][rows, columns], trim)
     return ab, collect(other, seen.classes, *seen.fields, trim)
 
@@ -141,6 +143,13 @@ class _Surroundings(NamedTuple):
         left_m, below_m, right_m, above_m = (sum(classes.shape) if end else margin for end in ends)
         inside = fields[0][rows, columns], fields[1][rows, columns]
         return cls(classes[rows, columns], inside, (left_m, below_m, right_m, above_m))
+
+
+def _first_margin(map_: GridMap, box: _Box) -> int:
+    """Everything the map knows where that costs little more than the box, else ``MARGIN``."""
+    x0, y0, x1, y1 = map_.bounds_cells()
+    around = (box.width + 2 * MARGIN) * (box.height + 2 * MARGIN)
+    return (x1 - x0) + (y1 - y0) if (x1 - x0) * (y1 - y0) <= MOST_SPARED * around else MARGIN
 
 
 def _common_box(target: GridMap, donor: GridMap) -> _Box | None:

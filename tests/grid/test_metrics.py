@@ -142,12 +142,12 @@ def test_a_nearest_cell_outside_the_overlap_counts(grid_map_of: MakeMap) -> None
 
 def test_a_nearest_cell_far_outside_the_overlap_counts(grid_map_of: MakeMap) -> None:
     """The overlap is a column of 400 cells; the nearest wall lies 150 cells to its left, the next one at its top."""
-    target = np.zeros((400, 151), np.uint8)
-    target[:, 150] = 1
-    target[399, 150] = target[0, 0] = 2
+    target = np.zeros((400, 900), np.uint8)
+    target[:, 750] = 1
+    target[399, 750] = target[0, 600] = target[200, 0] = target[200, 899] = 2
     donor = np.ones((400, 1), np.uint8)
     donor[0] = 2
-    found = measured(Distance(), Pair(grid_map_of(target), grid_map_of(donor, 0.1, (150, 0))))
+    found = measured(Distance(), Pair(grid_map_of(target), grid_map_of(donor, 0.1, (750, 0))))
     assert found.details["occupied"] == pytest.approx(150 + 399)
     assert found.details["trimmed"] - found.details["free"] <= 2 * 10
 
