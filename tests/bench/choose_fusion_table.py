@@ -3,8 +3,8 @@
     python tests/bench/choose_fusion_table.py
 
 Two robots map one floor. First, with scans as good as each other's: how far their quality differs in a tile, by
-chance. Then the scans of one of them are made worse: the mean wall error of the fused map over that of plain Bayes (below
-1 is better), and in how many missions it is not above. No recorded data takes part.
+chance. Then the scans of one of them are made worse: the mean wall error of the fused map over that of plain Bayes
+(below 1 is better), and in how many missions it is not above. No recorded data takes part.
 """
 
 from __future__ import annotations
