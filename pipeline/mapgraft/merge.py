@@ -87,6 +87,11 @@ class Merge:
         for watch in self._watches.values():
             watch.everything = watch.donor_changed = True
 
+    def target_changed(self) -> None:
+        """The receiver's map has changed otherwise than by an observation."""
+        for watch in self._watches.values():
+            watch.everything = True
+
     def measure(self, stamp_ns: int, everything: bool = False) -> Sample:
         """Measure what is due, or ``everything``."""
         due = {n: w for n, w in self._watches.items() if everything or self.observations % w.every == 0}

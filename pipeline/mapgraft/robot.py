@@ -110,7 +110,7 @@ class Robot:
         provenance = grafted.contribution.provenance
         self._snapshot("before merge", stamp_ns, merge_id)
         self.reversal.merge(merge_id, grafted.contribution)
-        self.attempts.changed()
+        self._fused_changed()
         merge = Merge(merge_id, tools, grafted.match, provenance, grafted.comparison, self.reversal.name)
         self.merges[merge.donor] = merge
         self.journal.attempted(stamp_ns, attempt, tools, merge_id, provenance, size)
@@ -163,12 +163,19 @@ class Robot:
         """Take the donor's data out of the map again, and refuse this transform from now on."""
         self._snapshot("before revert", stamp_ns, merge.merge_id)
         exactness = self.reversal.revert(merge.merge_id)
-        self.attempts.changed()
         del self.merges[merge.donor]
+        self._fused_changed()
         merge.state = "reverted"
         self.attempts.refuse(merge.donor, merge.comparison.T_receiver_donor)
         self.journal.changed("reverted", stamp_ns, merge, reason, by, sample, exactness)
         self._snapshot("after revert", stamp_ns, merge.merge_id)
+
+    def _fused_changed(self) -> None:
+        """Something came in or went out: where metrics see the merged map, what they know of it no longer holds."""
+        self.attempts.changed()
+        if self.reversal.subject == "merged":
+            for merge in self.merges.values():
+                merge.target_changed()
 
     def finish(self, stamp_ns: int) -> None:
         """The last look at every standing merge, and the last snapshot."""

@@ -204,3 +204,25 @@ def test_an_offer_is_not_considered_again_while_neither_map_has_changed(play):
     assert kinds(memory) == ["offered", "unmatched"]
     memory, _, _ = play((0, "alpha", 0, 1), (0, "bravo", 0, 5), (2, "alpha", 1), (9, "alpha", 1), meet=(1, 3))
     assert kinds(memory) == ["offered", "unmatched"] * 2
+
+
+def test_in_a_single_map_another_merge_makes_every_metric_look_at_everything_again(play, plugins):
+    """An incremental tracker may rely on ``touched`` only if nothing else has changed the map."""
+    steps = []
+
+    class Watching:
+        def __init__(self, tracker):
+            self.tracker = tracker
+
+        def update(self, step):
+            steps.append(step.touched)
+            return self.tracker.update(step)
+
+    memory, robots, exchange = play(*ALIKE, (0, "charlie", 30, 32, 35), reversal="single_map")
+    alpha = robots["alpha"]
+    exchange.hold(Meeting(SECOND, (("alpha", "bravo"),)))
+    for watch in alpha.merges["bravo"]._watches.values():
+        watch.tracker = Watching(watch.tracker)
+    exchange.hold(Meeting(2 * SECOND, (("alpha", "charlie"),)))
+    alpha.verify(alpha.merges["bravo"], 3 * SECOND, everything=True)
+    assert steps == [None]
