@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from mapgraft.attempt import Attempt
-from mapgraft.contracts import Exactness, MapType, Match, Measurement, Provenance, Sample, Transform
+from mapgraft.contracts import Exactness, MapMetadata, MapType, Match, Measurement, Provenance, Sample, Transform
 from mapgraft.decision import Ruling
 from mapgraft.events import Event, Kind, Sink, Snapshot
 from mapgraft.merge import Merge
@@ -103,12 +103,18 @@ class Journal:
             exactness=exactness,
         )
 
-    def snapshot(self, why: Moment, stamp_ns: int, layer: Callable[[], bytes], merge_id: str = "") -> None:
+    def snapshot(
+        self,
+        why: Moment,
+        stamp_ns: int,
+        metadata: Callable[[], MapMetadata],
+        layer: Callable[[], bytes],
+        merge_id: str = "",
+    ) -> None:
         """The robot's maps as of now, if wanted; ``layer`` gives what it would offer, encoded."""
         if not self.snapshots and why != "end":
             return
         reversal = self.reversal
-        metadata = self.map_type.metadata(reversal.offered_layer())
         self.history.sink.mapped(
             Snapshot(
                 self.robot,
@@ -118,7 +124,7 @@ class Journal:
                 reversal.own(),
                 reversal.fused(),
                 layer(),
-                metadata,
+                metadata(),
                 reversal.offered_version,
                 merge_id,
             )

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from mapgraft.attempt import Attempt, Attempts, Grafted
-from mapgraft.contracts import Donation, MapType, Observation, Prior, Provenance, Sample
+from mapgraft.contracts import Donation, MapMetadata, MapType, Observation, Prior, Provenance, Sample
 from mapgraft.decision import DecisionTable, facts_of
 from mapgraft.exchange import LayerMessage, Offer
 from mapgraft.history import Journal, Moment
@@ -35,6 +35,7 @@ class Robot:
     looked_at: dict[str, tuple[int, Provenance]] = field(default_factory=dict)  # donor → versions last considered
     attempts: Attempts = field(init=False)
     _encoded: tuple[int, bytes] | None = None
+    _described: tuple[int, MapMetadata] | None = None
 
     def __post_init__(self) -> None:
         self.attempts = Attempts(self.workshop, self.map_type, self.reversal)
@@ -49,7 +50,14 @@ class Robot:
 
     def offer(self) -> bytes:
         """What this robot tells about its map."""
-        return Offer(self.provenance, self.map_type.metadata(self.reversal.offered_layer())).encode()
+        return Offer(self.provenance, self.metadata()).encode()
+
+    def metadata(self) -> MapMetadata:
+        """What there is to say about the offered layer, found out once per version."""
+        version = self.reversal.offered_version
+        if self._described is None or self._described[0] != version:
+            self._described = (version, self.map_type.metadata(self.reversal.offered_layer()))
+        return self._described[1]
 
     def layer(self) -> bytes:
         """This robot's own evidence, raw and in its own frame, ready to send."""
@@ -82,8 +90,8 @@ class Robot:
             self.journal.forbidden(stamp_ns, donor)
             return
         prior = self.hand.priors.get((self.name, donor))
-        own = self.map_type.metadata(self.reversal.offered_layer())
-        ruling = self.table.choose(facts_of(own, received.metadata, prior is not None, self.reversal.name))
+        facts = facts_of(self.metadata(), received.metadata, prior is not None, self.reversal.name)
+        ruling = self.table.choose(facts)
         if ruling.rule is None or ruling.rejected:
             self.journal.rejected(stamp_ns, donor, ruling)
         else:
@@ -184,4 +192,4 @@ class Robot:
         self._snapshot("end", stamp_ns)
 
     def _snapshot(self, why: Moment, stamp_ns: int, merge_id: str = "") -> None:
-        self.journal.snapshot(why, stamp_ns, self.encoded_layer, merge_id)
+        self.journal.snapshot(why, stamp_ns, self.metadata, self.encoded_layer, merge_id)

@@ -201,6 +201,7 @@ class OccupancyGrid:
             observations=grid.observations,
             sensor=", ".join(sorted(grid.sensors)),
             mapper=grid.mapper,
+            quality=_quality(seen),
             can_send=("counts", *traces),
         )
 
@@ -284,3 +285,11 @@ def _region(region: Region) -> GridRegion:
     if not isinstance(region, GridRegion):
         raise MapError(f"an occupancy grid needs a region of its own cells, found {type(region).__name__}")
     return region
+
+
+def _quality(seen: GridMap) -> float | None:
+    """The quality of a map where any window of it can be judged."""
+    from mapgraft_grid.quality import window_quality  # loads its model when it is first asked
+
+    quality = math.nan if seen.is_empty else window_quality(seen.dense()).mean()
+    return None if math.isnan(quality) else quality
