@@ -30,11 +30,13 @@ class Assembly:
     robots: Mapping[str, Robot]
     exchange: Exchange
     history: History
+    hand: Hand
 
 
 def assemble(mission: Mission, config: Config, plugins: Plugins, table: DecisionTable, sink: Sink) -> Assembly:
     """Make the robots of a mission; raises ConfigError or PluginError when something does not fit."""
     workshop, history = Workshop(plugins), History(sink)
+    workshop.prepare(table)
     hand = hand_of(config, mission)
     robots: dict[str, Robot] = {}
     for source in mission.robots:
@@ -45,7 +47,7 @@ def assemble(mission: Mission, config: Config, plugins: Plugins, table: Decision
         journal = Journal(history, source.name, map_type, reversal, config.output.snapshots)
         robots[source.name] = Robot(source.name, map_type, reversal, table, workshop, hand, journal)
     policy = workshop.policy(config.exchange.use, config.exchange.parameters)
-    return Assembly(robots, Exchange(policy, robots, mission.T_world_map), history)
+    return Assembly(robots, Exchange(policy, robots, mission.T_world_map), history, hand)
 
 
 def map_type_of(name: str, kinds: Iterable[str], config: Config, workshop: Workshop) -> MapType:
@@ -88,5 +90,5 @@ def hand_of(config: Config, mission: Mission) -> Hand:
     return Hand(
         priors={**told, **given_priors(config.priors)},
         forbidden=frozenset(frozenset(pair) for pair in config.forbid),
-        verdicts={verdict.merge: verdict for verdict in config.verdicts},
+        verdicts=tuple(config.verdicts),
     )

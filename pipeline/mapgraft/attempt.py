@@ -19,11 +19,10 @@ from mapgraft.contracts import (
     Step,
     Transform,
 )
-from mapgraft.errors import MapError, MapgraftError, PluginError
-from mapgraft.procedures import Tools, Workshop
+from mapgraft.errors import MapError
+from mapgraft.persons import same_place
+from mapgraft.procedures import Tools, Workshop, blaming
 from mapgraft.reversal import Reversal
-
-SAME_PLACE_M, SAME_TURN_RAD = 0.5, 0.0873  # a refused transform stands for all within 0.5 m and 5 degrees
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,30 +70,27 @@ class Attempts:
     sights: dict[str, Sight] = field(default_factory=dict)
     refused: dict[str, list[Transform]] = field(default_factory=dict)
 
-    def make(self, tools: Tools, donation: Donation, prior: Prior | None) -> Attempt:
-        """One attempt with the donor's layer as it is now.
+    def make(self, tools: Tools, donation: Donation, prior: Prior | None, about_m: Sequence[float]) -> Attempt:
+        """One attempt with the donor's layer as it is now; ``about_m`` is where the donor's map is, in its frame.
 
         What a plugin refuses with a MapError comes back as unmatched, with its sentence; raises PluginError when a
         plugin fails in any other way.
         """
         try:
-            return self._try(tools, donation, prior)
+            with blaming(tools):
+                return self._try(tools, donation, prior, about_m)
         except MapError as error:
             return Attempt("unmatched", str(error), 0)
-        except MapgraftError:
-            raise
-        except Exception as error:
-            uses = f"matcher {tools.procedure.match.use!r}, fuser {tools.procedure.fuse.use!r}"
-            raise PluginError(f"rule {tools.rule.name!r} ({uses}) failed: {type(error).__name__}: {error}") from error
 
-    def _try(self, tools: Tools, donation: Donation, prior: Prior | None) -> Attempt:
+    def _try(self, tools: Tools, donation: Donation, prior: Prior | None, about_m: Sequence[float]) -> Attempt:
         meeting = self._meet(donation, tools.rule.via)
         target, source = meeting.sight()[1], meeting.map_type.view(meeting.donor_layer)
         empty = [side for side, map_ in (("own", target), ("donor's", source)) if map_.known() == 0]
         if empty:
             return Attempt("unmatched", f"the {' and the '.join(empty)} map knows nothing yet", 0)
         found = tools.matcher.match(target, source, prior)
-        matches = [match for match in found if not self._is_refused(donation.provenance.source, match)]
+        donor = donation.provenance.source
+        matches = [match for match in found if not self.is_refused(donor, match.T_receiver_donor, about_m)]
         if not matches:
             said = (
                 "the matcher found no hypothesis" if not found else f"all {len(found)} hypotheses were reverted before"
@@ -103,12 +99,20 @@ class Attempts:
         return self._accept(tools, meeting, matches, len(found))
 
     def graft(self, tools: Tools, donation: Donation, match: Match) -> Grafted:
-        """The contribution of a donor's layer under a match that has been accepted."""
-        return self._graft(tools, self._meet(donation, tools.rule.via), match)
+        """The contribution of a donor's layer under a match that has been accepted.
+
+        Raises MapError when a plugin refuses it, PluginError when one fails in any other way.
+        """
+        with blaming(tools):
+            return self._graft(tools, self._meet(donation, tools.rule.via), match)
 
     def refuse(self, donor: str, T_receiver_donor: Transform) -> None:
         """Never again this transform, or one that hardly differs from it."""
         self.refused.setdefault(donor, []).append(T_receiver_donor)
+
+    def is_refused(self, donor: str, T_receiver_donor: Transform, about_m: Sequence[float]) -> bool:
+        """Whether the transform puts the donor's map where it was taken out before."""
+        return any(same_place(T, T_receiver_donor, about_m) for T in self.refused.get(donor, ()))
 
     def changed(self) -> None:
         """The receiver's map has changed."""
@@ -138,7 +142,9 @@ class Attempts:
         contribution = tools.fuser.fuse(self.own_type, self.reversal.own(), meeting.donation, match)
         placed = contribution.layer if meeting.map_type is self.own_type else _place(meeting, match)
         T = contribution.T_receiver_donor
-        return Grafted(match, contribution, Compared(meeting.map_type, self.reversal.subject, T, placed, meeting.sight))
+        sight, subject = meeting.sight, self.reversal.subject
+        compared = Compared(meeting.map_type, subject, T, placed, sight, converted=sight.conversion is not None)
+        return Grafted(match, contribution, compared)
 
     def _meet(self, donation: Donation, via: str | None) -> Meeting:
         own, other = self.own_type.name, donation.layer.map_type
@@ -157,13 +163,6 @@ class Attempts:
         if layer.map_type == target.name:
             return layer
         return self.workshop.conversion(layer.map_type, target.name).convert(layer, target)
-
-    def _is_refused(self, donor: str, match: Match) -> bool:
-        for T in self.refused.get(donor, ()):
-            shift_m, turn_rad = T.difference(match.T_receiver_donor)
-            if shift_m <= SAME_PLACE_M and turn_rad <= SAME_TURN_RAD:
-                return True
-        return False
 
 
 def _place(meeting: Meeting, match: Match) -> Layer:

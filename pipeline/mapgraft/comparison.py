@@ -19,6 +19,7 @@ class Compared:
     T_receiver_donor: Transform
     donor_layer: Layer
     see: Callable[[], tuple[Layer, Map]]
+    converted: bool = False  # whether the receiver's map is converted to be compared
     _donor: Map | None = None
 
     @property

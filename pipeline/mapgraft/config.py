@@ -111,10 +111,15 @@ class PriorConfig(Section):
 
 
 class VerdictConfig(Section):
-    """A person's word on a merge, replayed whenever that merge comes up again."""
+    """A person's word on a merge, replayed whenever that merge comes up again.
+
+    ``T_receiver_donor`` (16 numbers, row-major) is the transform that the person judged; ``mapgraft revert`` and
+    ``confirm`` fill it in. With it the verdict holds for any merge of these two robots at that place.
+    """
 
     merge: str
     action: Literal["revert", "confirm"]
+    T_receiver_donor: Annotated[list[float], Field(min_length=16, max_length=16)] | None = None
     by: str = ""
     reason: str = ""
 

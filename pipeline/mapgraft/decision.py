@@ -153,11 +153,11 @@ class Ruling:
     @property
     def reason(self) -> str:
         """One line that explains the ruling."""
+        before = "; ".join(f"{f.rule!r}: {f.reason}" for f in self.findings if not f.applies)
         if self.rule is not None:
-            return self.rule.reject or f"rule {self.rule.name!r} applies"
-        if not self.findings:
-            return "the decision table is empty"
-        return "no rule applies: " + "; ".join(f"{f.rule!r}: {f.reason}" for f in self.findings)
+            said = self.rule.reject or f"rule {self.rule.name!r} applies"
+            return f"{said} (rule {self.rule.name!r}; before it {before})" if before and self.rule.reject else said
+        return f"no rule applies: {before}" if self.findings else "the decision table is empty"
 
 
 Check = Callable[[str, str], str | None]  # (receiver's type, donor's type) → why the procedure cannot take them
@@ -165,9 +165,10 @@ Check = Callable[[str, str], str | None]  # (receiver's type, donor's type) → 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A rule, and what tells whether its procedure can take two map types with what is installed."""
+    """A rule, what it names that is not installed, and what tells whether its procedure can take two map types."""
 
     rule: Rule
+    lacking: str | None
     obstacle: Check
 
 
@@ -286,7 +287,7 @@ def build_table(plugins: Plugins, own: Sequence[Mapping[str, Any]] | Path | None
             if (lacking := _lacking(rule, plugins)) is not None:
                 raise DecisionTableError(f"rule {rule.name!r}: {lacking}")
     ordered = sorted(rules, key=lambda rule: -rule.priority)  # sorting is stable: equal priorities keep their order
-    return DecisionTable(tuple(Record(rule, _obstacle(rule, plugins)) for rule in ordered), source)
+    return DecisionTable(tuple(_record(rule, plugins) for rule in ordered), source)
 
 
 def _rules_of_plugins(plugins: Plugins) -> tuple[list[Rule], str]:
@@ -330,7 +331,7 @@ def _lacking(rule: Rule, plugins: Plugins) -> str | None:
     return None
 
 
-def _obstacle(rule: Rule, plugins: Plugins) -> Check:
+def _record(rule: Rule, plugins: Plugins) -> Record:
     lacking = _lacking(rule, plugins)
 
     def check(own: str, other: str) -> str | None:
@@ -348,7 +349,7 @@ def _obstacle(rule: Rule, plugins: Plugins) -> Check:
                 return f"the {kind} {name!r} takes {' and '.join(accepts)}, not {' and '.join(dict.fromkeys(pair))}"
         return None
 
-    return check
+    return Record(rule, lacking, check)
 
 
 def _takes(accepts: tuple[str, ...], pair: tuple[str, str], kind: PluginKind) -> bool:

@@ -65,8 +65,9 @@ class Event:
 class Snapshot:
     """One robot's map as of now: its own, the fused one, and what it would offer.
 
-    ``layer`` is the offered layer in its canonical encoding, with ``version`` own observations in it; equal bytes mean
-    equal evidence. ``why`` tells what the snapshot was taken for.
+    ``layer`` is the offered layer in its canonical encoding; equal bytes mean equal evidence. ``metadata`` is of the
+    own map, ``version`` its number of observations: a single map offers what it had before its first merge. ``why``
+    tells what the snapshot was taken for.
     """
 
     robot: str

@@ -125,7 +125,7 @@ class Journal:
                 reversal.fused(),
                 layer(),
                 metadata(),
-                reversal.offered_version,
+                reversal.version,
                 merge_id,
             )
         )

@@ -18,7 +18,7 @@ from mapgraft.contracts import (
     Tracker,
     Verdict,
 )
-from mapgraft.procedures import Tools
+from mapgraft.procedures import Tools, blaming
 
 State = Literal["provisional", "confirmed", "reverted"]
 
@@ -34,8 +34,10 @@ class _Watch:
     everything: bool = True
     donor_changed: bool = False
 
-    def measure(self) -> Measurement:
-        region = None if self.everything or not self.touched else reduce(lambda a, b: a.union(b), self.touched)
+    def measure(self, converted: bool) -> Measurement:
+        """Ask the tracker; where maps are ``converted`` to meet, the receiver's regions say nothing there."""
+        unknown = converted or self.everything or not self.touched
+        region = None if unknown else reduce(lambda a, b: a.union(b), self.touched)
         step = Step(region, tuple(self.observations), self.donor_changed)
         self.touched, self.observations, self.everything, self.donor_changed = [], [], False, False
         return self.tracker.update(step)
@@ -67,9 +69,9 @@ class Merge:
         judged = verify.metric_names
         logged = tuple(name for name in (verify.log.metrics if verify.log else ()) if name not in judged)
         rhythms = dict.fromkeys(judged, verify.every) | dict.fromkeys(logged, verify.log.every if verify.log else 1)
-        self._watches = {
-            name: _Watch(self.tools.metrics[name].track(self.comparison), every) for name, every in rhythms.items()
-        }
+        with blaming(self.tools):
+            trackers = {name: self.tools.metrics[name].track(self.comparison) for name in rhythms}
+        self._watches = {name: _Watch(tracker, rhythms[name]) for name, tracker in trackers.items()}
         return self.measure(stamp_ns, everything=True)
 
     def observed(self, observation: Observation, touched: Region) -> bool:
@@ -81,7 +83,10 @@ class Merge:
         return any(self.observations % watch.every == 0 for watch in self._watches.values())
 
     def replace(self, provenance: Provenance, comparison: Compared) -> None:
-        """The donor's layer or the transform is another one now: nothing measured before holds."""
+        """The donor's layer or the transform is another one now: the metrics must look at everything again.
+
+        The history goes on: what the donor has newly mapped tests the transform as much as what the receiver has.
+        """
         self.provenance = provenance
         self.comparison.put_donor(comparison.donor_layer, comparison.T_receiver_donor)
         for watch in self._watches.values():
@@ -93,13 +98,27 @@ class Merge:
             watch.everything = True
 
     def measure(self, stamp_ns: int, everything: bool = False) -> Sample:
-        """Measure what is due, or ``everything``."""
+        """Measure what is due, or ``everything``.
+
+        The history has one sample per number of observations, the latest: looking twice is not seeing twice.
+        """
         due = {n: w for n, w in self._watches.items() if everything or self.observations % w.every == 0}
-        sample = Sample(stamp_ns, self.observations, {name: watch.measure() for name, watch in due.items()})
+        converted = self.comparison.converted
+        with blaming(self.tools):
+            measured = {name: watch.measure(converted) for name, watch in due.items()}
+        sample = Sample(stamp_ns, self.observations, measured)
         if all(name in due for name in self.tools.procedure.verify.metric_names):
+            if len(self.history) > 1 and self.history[-1].observations == self.observations:
+                self.history.pop()
             self.history.append(sample)
         return sample
 
     def judge(self) -> Verdict:
         """The verifier's word on the history so far."""
-        return self.tools.verifier.verify(self.history, self.reversal)
+        with blaming(self.tools):
+            return self.tools.verifier.verify(self.history, self.reversal)
+
+    @property
+    def news(self) -> bool:
+        """Whether anything has happened since the metrics were last asked."""
+        return any(watch.everything or watch.touched for watch in self._watches.values())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,19 +11,55 @@ import numpy as np
 from mapgraft.config import PriorConfig, VerdictConfig
 from mapgraft.contracts import Covariance, Prior, Transform
 
+SAME_PLACE_M, SAME_TURN_RAD = 0.5, math.radians(5.0)  # what a person would call the same place
 RECORDED_SIGMA_M, RECORDED_SIGMA_YAW_RAD = 0.1, 0.02  # of relative poses that the recording itself tells
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Hand:
-    """Priors by (receiver, donor), forbidden pairs (either way round), and verdicts by merge id."""
+    """Priors by (receiver, donor), forbidden pairs (either way round), and verdicts.
+
+    A verdict that remembers the transform a person judged goes with the transform, because the numbers of later merges
+    change when an earlier one is taken out; one that does not goes with the merge's id. ``obeyed`` holds those that
+    were applied.
+    """
 
     priors: Mapping[tuple[str, str], Prior] = field(default_factory=dict)
     forbidden: frozenset[frozenset[str]] = frozenset()
-    verdicts: Mapping[str, VerdictConfig] = field(default_factory=dict)
+    verdicts: Sequence[VerdictConfig] = ()
+    obeyed: list[VerdictConfig] = field(default_factory=list)
 
     def forbids(self, receiver: str, donor: str) -> bool:
         return frozenset((receiver, donor)) in self.forbidden
+
+    def verdict_on(self, merge_id: str, T_receiver_donor: Transform, about_m: Sequence[float]) -> VerdictConfig | None:
+        """What a person said of this merge, noted as obeyed; ``about_m`` is where the donor's map is, in its frame."""
+        pair = merge_id.rpartition(".")[0]
+        for verdict in self.verdicts:
+            if verdict.T_receiver_donor is None:
+                meant = verdict.merge == merge_id
+            else:
+                judged = Transform.from_matrix(np.reshape(verdict.T_receiver_donor, (4, 4)))
+                meant = verdict.merge.rpartition(".")[0] == pair and same_place(judged, T_receiver_donor, about_m)
+            if meant:
+                self.obeyed.append(verdict)
+                return verdict
+        return None
+
+    @property
+    def disregarded(self) -> list[VerdictConfig]:
+        """Verdicts on merges that did not come up."""
+        return [verdict for verdict in self.verdicts if verdict not in self.obeyed]
+
+
+def same_place(T_a: Transform, T_b: Transform, about_m: Sequence[float]) -> bool:
+    """True when two transforms put the donor's map at the same place, for a person's eye.
+
+    Compared where the donor's map is (``about_m`` x, y in its frame) and not at its origin, which may lie far off.
+    """
+    point = np.array([[about_m[0], about_m[1]]])
+    shift_m = float(np.linalg.norm(T_a.apply(point) - T_b.apply(point)))
+    return shift_m <= SAME_PLACE_M and T_a.difference(T_b)[1] <= SAME_TURN_RAD
 
 
 def prior_of(config: PriorConfig) -> Prior:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import cast
 
 from mapgraft.contracts import Acceptor, Conversion, Fuser, MapType, Matcher, Metric, Policy, Verifier
-from mapgraft.decision import Procedure, Rule
-from mapgraft.errors import PluginError
+from mapgraft.decision import DecisionTable, Procedure, Rule
+from mapgraft.errors import ConfigError, MapgraftError, PluginError
 from mapgraft.plugins import PluginKind, Plugins
 
 METHODS: Mapping[PluginKind, tuple[str, ...]] = {
@@ -50,6 +51,24 @@ class Tools:
         return self.procedure.rule
 
 
+@contextmanager
+def blaming(tools: Tools) -> Iterator[None]:
+    """Turn whatever a plugin of a rule does wrong into a PluginError that names the rule and its plugins.
+
+    Errors of ours pass: they are sentences already.
+    """
+    try:
+        yield
+    except MapgraftError:
+        raise
+    except Exception as error:  # a stranger's code may fail in any way
+        procedure = tools.procedure
+        uses = f"matcher {procedure.match.use!r}, fuser {procedure.fuse.use!r}, verifier {procedure.verify.use!r}"
+        metrics = ", ".join(map(repr, procedure.metric_names))
+        what = f"{type(error).__name__}: {error}"
+        raise PluginError(f"rule {tools.rule.name!r} ({uses}, metrics {metrics}) failed: {what}") from error
+
+
 @dataclass(slots=True)
 class Workshop:
     """Makes tools, map types and conversions from the installed plugins."""
@@ -57,6 +76,38 @@ class Workshop:
     plugins: Plugins
     _made: dict[str, Tools] = field(default_factory=dict)
     _map_types: dict[str, MapType] = field(default_factory=dict)
+
+    def prepare(self, table: DecisionTable) -> None:
+        """Make the tools of every rule now, so that a wrong parameter is found before anything is mapped.
+
+        Raises ConfigError with the faults of all rules at once. Rules that name what is not installed are left alone.
+        """
+        faults: list[str] = []
+        for record in table.records:
+            if record.rule.reject is not None or record.lacking is not None:
+                continue
+            faults += [f"rule {record.rule.name!r}: {fault}" for fault in self._faults(record.rule)]
+        if faults:
+            raise ConfigError("\n".join(faults))
+
+    def _faults(self, rule: Rule) -> list[str]:
+        procedure = rule.procedure
+        parts: list[tuple[PluginKind, str, Mapping[str, object]]] = [
+            ("matcher", procedure.match.use, procedure.match.parameters),
+            ("acceptor", procedure.accept.use, procedure.accept.parameters),
+            ("fuser", procedure.fuse.use, procedure.fuse.parameters),
+            ("verifier", procedure.verify.use, procedure.verify.parameters),
+        ]
+        parts += [("metric", name, rule.metrics.get(name, {})) for name in procedure.metric_names]
+        faults = []
+        for kind, name, parameters in parts:
+            try:
+                self._make(kind, name, parameters)
+            except ConfigError as error:
+                faults.append(str(error))
+            except PluginError:
+                continue  # broken, not wrongly configured: it is said when the rule comes up
+        return faults
 
     def tools(self, rule: Rule) -> Tools:
         """The tools of a rule that has a procedure; raises PluginError or ConfigError when one cannot be made."""

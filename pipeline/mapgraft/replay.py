@@ -10,6 +10,7 @@ from mapgraft.contracts import Meeting, Observation, Policy, Situation, Transfor
 from mapgraft.events import Sink
 from mapgraft.exchange import Traffic
 from mapgraft.robot import Robot
+from mapgraft.stopwatch import Stopwatch
 
 
 @dataclass(slots=True)
@@ -20,6 +21,7 @@ class Exchange:
     robots: Mapping[str, Robot]
     T_world_map: Mapping[str, Transform] = field(default_factory=dict)
     traffic: Traffic = field(default_factory=Traffic)
+    watch: Stopwatch = field(default_factory=Stopwatch)
     T_map_base: dict[str, Transform] = field(default_factory=dict)
     _start_ns: int | None = None
     _asked_ns: int = 0
@@ -30,7 +32,8 @@ class Exchange:
             self._start_ns = self._asked_ns = now_ns
         situation = Situation(self._start_ns, self._asked_ns, now_ns, self.T_map_base, self.T_world_map, ending)
         for meeting in self.policy.due(situation):
-            self.hold(meeting)
+            with self.watch.stage("exchanging"):
+                self.hold(meeting)
         self._asked_ns = now_ns
 
     def hold(self, meeting: Meeting) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from mapgraft.attempt import Attempt, Attempts, Grafted
 from mapgraft.contracts import Donation, MapMetadata, MapType, Observation, Prior, Provenance, Sample
 from mapgraft.decision import DecisionTable, facts_of
+from mapgraft.errors import MapError
 from mapgraft.exchange import LayerMessage, Offer
 from mapgraft.history import Journal, Moment
 from mapgraft.merge import Merge
@@ -59,6 +60,11 @@ class Robot:
             self._described = (version, self.map_type.metadata(self.reversal.offered_layer()))
         return self._described[1]
 
+    def own_metadata(self) -> MapMetadata:
+        """What there is to say about the robot's own map as it is now, which is not always what it may offer."""
+        layer = self.reversal.compared_layer()
+        return self.metadata() if layer is self.reversal.offered_layer() else self.map_type.metadata(layer)
+
     def layer(self) -> bytes:
         """This robot's own evidence, raw and in its own frame, ready to send."""
         return LayerMessage(self.provenance, self.map_type.name, self.encoded_layer()).encode()
@@ -89,24 +95,33 @@ class Robot:
         if self.hand.forbids(self.name, donor):
             self.journal.forbidden(stamp_ns, donor)
             return
-        prior = self.hand.priors.get((self.name, donor))
-        facts = facts_of(self.metadata(), received.metadata, prior is not None, self.reversal.name)
+        about_m = _middle(received.metadata)
+        prior = self._prior(donor, about_m)
+        facts = facts_of(self.own_metadata(), received.metadata, prior is not None, self.reversal.name)
         ruling = self.table.choose(facts)
         if ruling.rule is None or ruling.rejected:
             self.journal.rejected(stamp_ns, donor, ruling)
         else:
-            self._attempt(self.workshop.tools(ruling.rule), fetch(), prior, stamp_ns)
+            self._attempt(self.workshop.tools(ruling.rule), fetch(), prior, about_m, stamp_ns)
 
-    def _attempt(self, tools: Tools, data: bytes, prior: Prior | None, stamp_ns: int) -> None:
+    def _prior(self, donor: str, about_m: Sequence[float]) -> Prior | None:
+        """What is known of where the donor's map lies, unless it was taken out from there before."""
+        prior = self.hand.priors.get((self.name, donor))
+        if prior is None or self.attempts.is_refused(donor, prior.T_receiver_donor, about_m):
+            return None
+        return prior
+
+    def _attempt(self, tools: Tools, data: bytes, prior: Prior | None, about_m: Sequence[float], stamp_ns: int) -> None:
         donation = self._receive(data)
         donor = donation.provenance.source
-        attempt = self.attempts.make(tools, donation, prior)
+        attempt = self.attempts.make(tools, donation, prior, about_m)
         self.tried[donor] = self.tried.get(donor, 0) + 1
         merge_id = f"{self.name}.{donor}.{self.tried[donor]}"
         if attempt.grafted is None:
             self.journal.attempted(stamp_ns, attempt, tools, merge_id, donation.provenance, len(data))
         else:
-            self._merge(attempt, attempt.grafted, tools, merge_id, len(data), stamp_ns)
+            merge = self._merge(attempt, attempt.grafted, tools, merge_id, len(data), stamp_ns)
+            self._obey(merge, about_m, stamp_ns)
 
     def _receive(self, data: bytes) -> Donation:
         message = LayerMessage.decode(data)
@@ -114,7 +129,9 @@ class Robot:
         map_type = self.map_type if mine else self.workshop.map_type(message.map_type)
         return Donation(map_type.decode(message.payload), message.provenance)
 
-    def _merge(self, attempt: Attempt, grafted: Grafted, tools: Tools, merge_id: str, size: int, stamp_ns: int) -> None:
+    def _merge(
+        self, attempt: Attempt, grafted: Grafted, tools: Tools, merge_id: str, size: int, stamp_ns: int
+    ) -> Merge:
         provenance = grafted.contribution.provenance
         self._snapshot("before merge", stamp_ns, merge_id)
         self.reversal.merge(merge_id, grafted.contribution)
@@ -123,12 +140,13 @@ class Robot:
         self.merges[merge.donor] = merge
         self.journal.attempted(stamp_ns, attempt, tools, merge_id, provenance, size)
         self._snapshot("after merge", stamp_ns, merge_id)
-        merge.start(stamp_ns)
-        self._obey(merge, stamp_ns)
+        sample = merge.start(stamp_ns)
+        self.journal.changed("verified", stamp_ns, merge, "measured at the merge", "merge", sample)
+        return merge
 
-    def _obey(self, merge: Merge, stamp_ns: int) -> None:
+    def _obey(self, merge: Merge, about_m: Sequence[float], stamp_ns: int) -> None:
         """Apply a person's verdict on this merge, if there is one."""
-        verdict = self.hand.verdicts.get(merge.merge_id)
+        verdict = self.hand.verdict_on(merge.merge_id, merge.comparison.T_receiver_donor, about_m)
         if verdict is None:
             return
         said = f"a person said {verdict.action}" + (f": {verdict.reason}" if verdict.reason else "")
@@ -144,7 +162,12 @@ class Robot:
         if offered == merge.provenance or self.reversal.name == "single_map":  # which cannot tell the donor's share
             return
         data = fetch()
-        grafted = self.attempts.graft(merge.tools, self._receive(data), merge.match)
+        try:
+            grafted = self.attempts.graft(merge.tools, self._receive(data), merge.match)
+        except MapError as error:
+            reason = f"the donor's newer map is left aside: {error}"
+            self.journal.changed("verified", stamp_ns, merge, reason, "exchange", size=len(data))
+            return
         self.reversal.replace(merge.merge_id, grafted.contribution)
         merge.replace(grafted.contribution.provenance, grafted.comparison)
         self.journal.changed("updated", stamp_ns, merge, "the donor has gone on mapping", "exchange", size=len(data))
@@ -188,8 +211,17 @@ class Robot:
     def finish(self, stamp_ns: int) -> None:
         """The last look at every standing merge, and the last snapshot."""
         for merge in list(self.merges.values()):
-            self.verify(merge, stamp_ns, everything=True)
+            if merge.news:
+                self.verify(merge, stamp_ns, everything=True)
         self._snapshot("end", stamp_ns)
 
     def _snapshot(self, why: Moment, stamp_ns: int, merge_id: str = "") -> None:
-        self.journal.snapshot(why, stamp_ns, self.metadata, self.encoded_layer, merge_id)
+        self.journal.snapshot(why, stamp_ns, self.own_metadata, self.encoded_layer, merge_id)
+
+
+def _middle(metadata: MapMetadata) -> tuple[float, float]:
+    """Where a map is, in its own frame: the middle of what is known of it."""
+    if metadata.bounds_m is None:
+        return 0.0, 0.0
+    x0, y0, x1, y1 = metadata.bounds_m
+    return (x0 + x1) / 2.0, (y0 + y1) / 2.0

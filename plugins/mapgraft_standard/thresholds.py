@@ -19,7 +19,7 @@ class Demands:
 
     limits: Mapping[str, Limit] | None
     patience: int
-    confirm_after: int
+    confirm_after: int | None
     new_support: float
 
     def limits_for(self, sample: Sample) -> Mapping[str, Limit]:
@@ -39,9 +39,10 @@ class Thresholds:
     A merge is reverted when one metric breaks its limit in ``patience`` consecutive samples in which it could be
     measured, and confirmed when, ``confirm_after`` observations after the merge or later, every metric kept its limit
     in the last ``patience`` samples and its support has grown by the share ``new_support`` since the merge, because
-    what the transform was chosen on cannot test it. A metric that cannot be measured never confirms nor reverts.
+    what the transform was chosen on cannot test it; with ``confirm_after`` null it is never confirmed. A metric that
+    cannot be measured never confirms nor reverts.
     ``reversals`` replaces any of these under a reversal, metric by metric, because a merged map agrees with a donor
-    that it contains: ``{single_map: {metrics: {similarity: {min: 0.95}}, new_support: 0}}``.
+    that it contains: ``{single_map: {metrics: {similarity: {min: 0.95}}, confirm_after: null}}``.
     """
 
     def __init__(
@@ -49,7 +50,7 @@ class Thresholds:
         *,
         metrics: Mapping[str, Any] | None = None,
         patience: int = 3,
-        confirm_after: int = 50,
+        confirm_after: int | None = 50,
         new_support: float = 0.1,
         reversals: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> None:
@@ -93,13 +94,15 @@ def _demands(common: Mapping[str, Any], special: Mapping[str, Any], reversal: st
         raise ConfigError(f"{where} may replace {', '.join(_OVERRIDES)}, found {', '.join(unknown)}")
     chosen = {**common, **special}
     metrics = {**(common["metrics"] or {}), **mapping_of(special.get("metrics") or {}, where)}
-    patience, confirm_after, new_support = (number_of(chosen[name], f"{where}, {name}") for name in _OVERRIDES[1:])
-    if patience < 1 or confirm_after < 0 or new_support < 0.0:
+    patience, new_support = (number_of(chosen[name], f"{where}, {name}") for name in ("patience", "new_support"))
+    after = chosen["confirm_after"]
+    confirm_after = None if after is None else int(number_of(after, f"{where}, confirm_after"))
+    if patience < 1 or new_support < 0.0 or (confirm_after is not None and confirm_after < 0):
         raise ConfigError(
-            f"{where} needs patience >= 1, confirm_after >= 0 and new_support >= 0, found patience={patience:g}, "
-            f"confirm_after={confirm_after:g}, new_support={new_support:g}"
+            f"{where} needs patience >= 1, confirm_after >= 0 or null, and new_support >= 0, "
+            f"found patience={patience:g}, confirm_after={after}, new_support={new_support:g}"
         )
-    return Demands(limits_of(metrics, where) if metrics else None, int(patience), int(confirm_after), new_support)
+    return Demands(limits_of(metrics, where) if metrics else None, int(patience), confirm_after, new_support)
 
 
 def _check(sample: Sample, name: str, limit: Limit) -> Check:
@@ -123,6 +126,8 @@ def _missing(history: Sequence[Sample], limits: Mapping[str, Limit], demands: De
     """What a confirmation still lacks."""
     lacks = []
     now = history[-1].observations
+    if demands.confirm_after is None:
+        return ["the rule never confirms what it sees here"]
     if now < demands.confirm_after:
         lacks.append(f"{now} of {demands.confirm_after} observations")
     recent = history[-demands.patience :]

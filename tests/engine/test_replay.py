@@ -76,7 +76,7 @@ def kinds(memory: Memory, receiver: str = "alpha") -> list[str]:
 
 def test_two_robots_merge_and_confirm(play):
     memory, robots, exchange = play(*ALIKE, (2, "alpha", 5), (3, "alpha", 0), (4, "alpha", 2), meet=(1,))
-    assert kinds(memory) == ["offered", "merged", "verified", "verified", "confirmed", "verified"]
+    assert kinds(memory) == ["offered", "merged", "verified", "verified", "verified", "confirmed"]
     merged = memory.events[1]
     assert merged.merge_id == "alpha.bravo.1"
     assert merged.T_receiver_donor.x_m == -10.0
@@ -91,7 +91,7 @@ def test_two_robots_merge_and_confirm(play):
 
 def test_a_wrong_merge_is_found_out_by_further_mapping_and_taken_out(play):
     memory, robots, _ = play(*ALIKE, (2, "alpha", 3), meet=(1,))
-    assert kinds(memory) == ["offered", "merged", "reverted"]
+    assert kinds(memory) == ["offered", "merged", "verified", "reverted"]
     reverted = memory.events[-2] if memory.events[-1].receiver != "alpha" else memory.events[-1]
     assert reverted.exactness.exact
     assert "1 beacons disagree" in reverted.reason
@@ -109,7 +109,7 @@ def test_the_bytes_after_a_revert_are_those_of_a_run_without_the_merge(play, rev
 
 def test_a_reverted_transform_is_not_tried_again(play):
     memory, _, _ = play(*ALIKE, (2, "alpha", 3), meet=(1, 5))
-    assert kinds(memory) == ["offered", "merged", "reverted"]
+    assert kinds(memory) == ["offered", "merged", "verified", "reverted"]
     memory, _, _ = play(*ALIKE, (2, "alpha", 3), (6, "alpha", 3), meet=(1, 5))
     second = [e for e in memory.events if e.receiver == "alpha" and e.merge_id == "alpha.bravo.2"]
     assert all(e.T_receiver_donor is None or e.T_receiver_donor.x_m != -10.0 for e in second)
@@ -151,8 +151,8 @@ def test_a_person_forbids_a_pair_both_ways(play):
 
 def test_a_person_reverts_and_what_follows_is_as_if_it_had_not_been(play):
     verdict = VerdictConfig(merge="alpha.bravo.1", action="revert", by="ann", reason="other building")
-    memory, robots, _ = play(*ALIKE, (2, "alpha", 5), meet=(1,), hand=Hand(verdicts={verdict.merge: verdict}))
-    assert kinds(memory)[:3] == ["offered", "merged", "reverted"]
+    memory, robots, _ = play(*ALIKE, (2, "alpha", 5), meet=(1,), hand=Hand(verdicts=[verdict]))
+    assert kinds(memory)[:4] == ["offered", "merged", "verified", "reverted"]
     reverted = next(e for e in memory.events if e.kind == "reverted")
     assert reverted.by == "person ann"
     assert reverted.reason == "a person said revert: other building"
@@ -161,8 +161,8 @@ def test_a_person_reverts_and_what_follows_is_as_if_it_had_not_been(play):
 
 def test_a_person_confirms_and_the_verifier_no_longer_reverts(play):
     verdict = VerdictConfig(merge="alpha.bravo.1", action="confirm")
-    memory, robots, _ = play(*ALIKE, (2, "alpha", 3), meet=(1,), hand=Hand(verdicts={verdict.merge: verdict}))
-    assert kinds(memory) == ["offered", "merged", "confirmed", "verified", "verified"]
+    memory, robots, _ = play(*ALIKE, (2, "alpha", 3), meet=(1,), hand=Hand(verdicts=[verdict]))
+    assert kinds(memory) == ["offered", "merged", "verified", "confirmed", "verified"]
     assert robots["alpha"].merges["bravo"].state == "confirmed"
 
 
@@ -218,7 +218,7 @@ def test_in_a_single_map_another_merge_makes_every_metric_look_at_everything_aga
             steps.append(step.touched)
             return self.tracker.update(step)
 
-    memory, robots, exchange = play(*ALIKE, (0, "charlie", 30, 32, 35), reversal="single_map")
+    _, robots, exchange = play(*ALIKE, (0, "charlie", 30, 32, 35), reversal="single_map")
     alpha = robots["alpha"]
     exchange.hold(Meeting(SECOND, (("alpha", "bravo"),)))
     for watch in alpha.merges["bravo"]._watches.values():
@@ -226,3 +226,82 @@ def test_in_a_single_map_another_merge_makes_every_metric_look_at_everything_aga
     exchange.hold(Meeting(2 * SECOND, (("alpha", "charlie"),)))
     alpha.verify(alpha.merges["bravo"], 3 * SECOND, everything=True)
     assert steps == [None]
+
+
+def test_two_verdicts_on_one_pair_both_hold_whatever_the_merges_are_then_called(play):
+    """A verdict goes with the place a person judged: taking the first merge out renumbers the ones after it."""
+    alike = ((0, "alpha", 0, 2, 4, 6), (0, "bravo", 10, 12, 14, 16))
+    observations = (*alike, (2, "alpha", 6), (4, "alpha", 6), (6, "alpha", 6))
+    first, _, _ = play(*observations, meet=(1, 3, 5))
+    at_first = next(e.T_receiver_donor for e in first.events if e.kind == "merged" and e.receiver == "alpha")
+    one = VerdictConfig(merge="alpha.bravo.1", action="revert", T_receiver_donor=at_first.matrix.ravel().tolist())
+    second, _, _ = play(*observations, meet=(1, 3, 5), hand=Hand(verdicts=[one]))
+    later = [e for e in second.events if e.kind == "merged" and e.receiver == "alpha"][1:]
+    assert later, "another hypothesis is tried after the first was refused"
+    two = VerdictConfig(
+        merge=later[0].merge_id, action="revert", T_receiver_donor=later[0].T_receiver_donor.matrix.ravel().tolist()
+    )
+    renumbered = one.model_copy(update={"merge": "alpha.bravo.7"})
+    hand = Hand(verdicts=[two, renumbered])
+    third, _, _ = play(*observations, meet=(1, 3, 5), hand=hand)
+    by_person = [e.T_receiver_donor.x_m for e in third.events if e.kind == "reverted" and e.by.startswith("person")]
+    assert at_first.x_m in by_person
+    assert later[0].T_receiver_donor.x_m in by_person
+    assert hand.disregarded == []
+
+
+def test_a_verdict_on_a_merge_that_does_not_come_up_is_known(play):
+    hand = Hand(verdicts=[VerdictConfig(merge="alpha.bravo.9", action="revert")])
+    play(*ALIKE, (2, "alpha", 5), meet=(1,), hand=hand)
+    assert [verdict.merge for verdict in hand.disregarded] == ["alpha.bravo.9"]
+
+
+def test_looking_twice_at_one_moment_is_not_seeing_twice(play):
+    _, robots, _ = play(*ALIKE, (2, "alpha", 5), (2, "bravo", 20), meet=(1, 2))
+    merge = robots["alpha"].merges["bravo"]
+    for _ in range(3):
+        merge.measure(9 * SECOND, everything=True)
+    assert [sample.observations for sample in merge.history] == sorted({s.observations for s in merge.history})
+
+
+def test_same_place_is_judged_where_the_donors_map_is():
+    from mapgraft.persons import same_place
+
+    far = (40.0, 0.0)
+    T = Transform.planar(0.0, 0.0, 0.0)
+    turned = Transform.planar(40.0, 0.0, 0.02) @ Transform.planar(-40.0, 0.0, 0.0)  # about the middle of the map
+    assert T.difference(turned)[0] > 0.5
+    assert same_place(T, turned, far)
+    assert not same_place(T, Transform.planar(0.0, 0.0, 0.02), far)
+
+
+def test_a_plugin_that_fails_later_on_is_named(play, plugins):
+    from beacons import Disagreement
+
+    from mapgraft.contracts import PluginError
+
+    class Failing:
+        def track(self, comparison):
+            tracker = Disagreement().track(comparison)
+            calls = []
+
+            class Tracker:
+                def update(self, step):
+                    calls.append(step)
+                    if len(calls) > 1:
+                        raise IndexError("boom")
+                    return tracker.update(step)
+
+            return Tracker()
+
+    import beacons
+
+    original = beacons.Disagreement
+    beacons.Disagreement = Failing
+    try:
+        with pytest.raises(
+            PluginError, match=r"rule 'beacons with beacons' .*'disagreement'.* failed: IndexError: boom"
+        ):
+            play(*ALIKE, (2, "alpha", 5), meet=(1,))
+    finally:
+        beacons.Disagreement = original

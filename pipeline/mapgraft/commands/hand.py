@@ -22,8 +22,9 @@ def pass_verdict(
     """Add a verdict to what the run remembers, and run again; raises UsageError when there is no such merge."""
     remembered = recall(out)
     _check_merge(out, merge_id)
-    verdict = VerdictConfig(merge=merge_id, action=action, by=by, reason=reason)
-    others = [known for known in remembered.config.verdicts if known.merge != merge_id]
+    T = _judged(out, merge_id)
+    verdict = VerdictConfig(merge=merge_id, action=action, by=by, reason=reason, T_receiver_donor=T)
+    others = [known for known in remembered.config.verdicts if known.T_receiver_donor != T]
     _again(out, remembered, remembered.config.model_copy(update={"verdicts": [*others, verdict]}), as_json=as_json)
 
 
@@ -42,6 +43,16 @@ def _check_merge(out: Path, merge_id: str) -> tuple[str, str]:
     if merge_id not in merges:
         raise UsageError(f"{out} has no merge {merge_id!r}: it made {', '.join(merges) or 'none'}")
     return str(merges[merge_id]["receiver"]), str(merges[merge_id]["donor"])
+
+
+def _judged(out: Path, merge_id: str) -> list[float]:
+    """The transform that the person sees when they judge the merge, (16,) row-major."""
+    import pyarrow.compute as pc
+    import pyarrow.dataset as ds
+
+    wanted = (pc.field("merge_id") == merge_id) & (pc.field("kind") == "merged")
+    found = ds.dataset(out / "events", partitioning="hive").to_table(columns=["T_receiver_donor"], filter=wanted)
+    return [float(number) for number in found["T_receiver_donor"][-1].as_py()]
 
 
 def _again(out: Path, remembered: Remembered, config: Config, *, as_json: bool) -> None:

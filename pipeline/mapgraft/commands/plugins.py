@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -74,7 +75,12 @@ def show_plugin(name: str, *, as_json: bool) -> None:
         for parameter, default in row["parameters"].items():
             console.print(cell(f"  {parameter} = {default}"))
         if row["text"]:
-            console.print(cell("\n" + row["text"]))
+            console.print(cell("\n" + _unwrapped(row["text"])))
+
+
+def _unwrapped(text: str) -> str:
+    """One line per paragraph, which the terminal wraps at its own width; indented lines and lists stay lines."""
+    return re.sub(r"(?<=\S)\n(?=[^\s*-])", " ", text)
 
 
 def _row(offered: Offered) -> dict[str, Any]:

@@ -28,7 +28,7 @@ def print_summary(result: Result) -> None:
     else:
         reverted = sum(event.kind == "reverted" for event in result.events)
         console.print(f"{standing} merge{'s' * (standing != 1)} standing, {reverted} reverted.")
-    for sentence in result.lost:
+    for sentence in (*result.remarks, *result.lost):
         console.print(cell(sentence), style="yellow")
     if result.folder:
         console.print(cell(f"Written to {result.folder}"))
@@ -41,6 +41,7 @@ def as_json_summary(result: Result) -> dict[str, Any]:
         "folder": str(result.folder) if result.folder else None,
         "observations": result.observations,
         "lost": list(result.lost),
+        "remarks": list(result.remarks),
         "events": dict(Counter(event.kind for event in result.events)),
         "merges": [_as_json(events) for events in _merges(result.events)],
         "standing": sorted(result.standing),

@@ -15,21 +15,18 @@ class LazyView:
     def __init__(self, map_type: MapType) -> None:
         self._map_type = map_type
         self._map: Map | None = None
-        self._touched: list[Region] = []
+        self._touched: Region | None = None
 
     def touch(self, region: Region) -> None:
         """Note that the region has changed."""
-        if self._map is not None and len(region):
-            self._touched.append(region)
+        if self._map is not None:
+            self._touched = region if self._touched is None else self._touched.union(region)
 
     def get(self, layer: Layer, contributions: Sequence[Contribution] = ()) -> Map:
         """The view as of now, equal to a fresh one."""
         if self._map is None:
             self._map = self._map_type.view(layer, contributions)
-        elif self._touched:
-            touched = self._touched[0]
-            for region in self._touched[1:]:
-                touched = touched.union(region)
-            self._map = self._map_type.view(layer, contributions, self._map, touched)
-        self._touched.clear()
+        elif self._touched is not None:
+            self._map = self._map_type.view(layer, contributions, self._map, self._touched)
+        self._touched = None
         return self._map
