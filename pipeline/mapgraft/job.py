@@ -40,7 +40,8 @@ class Result:
 
     ``maps`` holds every robot's last snapshot: ``maps["alpha"].fused.dense()`` for a grid. ``traffic`` counts bytes per
     (donor, receiver). ``start_ns`` is the mission's first stamp. ``lost`` says in sentences which observations could
-    not be used, and why.
+    not be used, and why; ``remarks`` what was noticed about the robots' sources, such as a map file that is probably
+    not meant as it says.
     """
 
     run_id: str
@@ -51,6 +52,7 @@ class Result:
     traffic: Mapping[tuple[str, str], int]
     start_ns: int = 0
     lost: Sequence[str] = ()
+    remarks: Sequence[str] = ()
 
     @property
     def events_table(self) -> pa.Table:
@@ -102,7 +104,7 @@ class Fan:
 
 
 def run(
-    files: Sequence[Path | str] = (),
+    files: Sequence[Path | str] | Path | str = (),
     config: Config | Mapping[str, Any] | Path | str | None = None,
     out: Path | str | None = None,
     *,
@@ -111,9 +113,9 @@ def run(
 ) -> Result:
     """Replay recordings, merge the robots' maps, and write everything to the folder ``out`` if one is given.
 
-    Without files the embedded demo recording is replayed. ``config`` is a Config, a mapping, or the path of a YAML or
-    TOML file. ``sinks`` get everything that happens, too. Raises MapgraftError with one sentence; what was decided
-    before is on disk.
+    Without files the embedded demo recording is replayed; a single path is a list of one. ``config`` is a Config, a
+    mapping, or the path of a YAML or TOML file. ``sinks`` get everything that happens, too. Raises MapgraftError with
+    one sentence; what was decided before is on disk.
     """
     from mapgraft.outputs.run_folder import RunFolder
     from mapgraft.recording.mission import nothing_to_map, open_mission
@@ -122,7 +124,8 @@ def run(
     if not files:
         files, demo_config = demo()
         config = demo_config if config is None else config
-    paths, plugins = [Path(file) for file in files], plugins or load_plugins()
+    listed = [files] if isinstance(files, Path | str) else files
+    paths, plugins = [Path(file) for file in listed], plugins or load_plugins()
     checked = as_config(config)
     with open_mission(paths, checked, plugins=plugins) as mission:
         table = build_table(plugins, checked.rules)
@@ -139,6 +142,7 @@ def run(
             if count == 0:
                 raise RecordingError(nothing_to_map(mission))
         start_ns, lost = mission.start_ns, tuple(mission.tally.sentences())
+        remarks = tuple(f"{robot.name}: {remark}" for robot in mission.robots for remark in robot.remarks)
     return Result(
         run_id=run_id,
         folder=None if out is None else Path(out),
@@ -148,6 +152,7 @@ def run(
         traffic=dict(assembly.exchange.traffic.sent),
         start_ns=start_ns,
         lost=lost,
+        remarks=remarks,
     )
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+import mapgraft
 from mapgraft.cli import invoke
 from mapgraft_recordings import demo_files
 
@@ -99,6 +100,25 @@ def test_verdicts_on_what_is_not_there(demo_out, tmp_path, capsys):
     assert "has no merge 'a.b.1': it made alpha." in text
 
 
+def test_a_map_file_that_is_probably_not_meant_so_is_told_by_run(tmp_path, capsys):
+    (tmp_path / "plan.pgm").write_bytes(b"P5\n40 40\n255\n" + bytes([205, 0, 254, 254]) * 400)
+    (tmp_path / "plan.yaml").write_text(
+        "{image: plan.pgm, resolution: 0.05, origin: [0, 0, 0], negate: 0, occupied_thresh: 0.65, free_thresh: 0.25}"
+    )
+    files = (str(demo_files()[0][0]), str(tmp_path / "plan.yaml"))
+    code, out, _ = said(capsys, "run", "-q", *files, "--end", "3", "-o", str(tmp_path / "out"), "--json")
+    assert code == 0
+    assert any(remark.startswith("plan: ") and "unknown_gray: 205" in remark for remark in json.loads(out)["remarks"])
+    _, out, _ = said(capsys, "run", "-q", *files, "--end", "3", "-o", str(tmp_path / "out"))
+    assert "unknown_gray: 205" in " ".join(out.split())
+
+
+def test_one_path_is_a_recording_for_python_too():
+    one = demo_files()[0][0]
+    config = {"mission": {"end_s": 3}}
+    assert mapgraft.run(str(one), config).run_id == mapgraft.run([one], config).run_id
+
+
 def test_info(capsys):
     code, out, _ = said(capsys, "info", *map(str, demo_files()[0]))
     assert code == 0
@@ -126,6 +146,13 @@ def test_plugins(capsys):
     assert listed["broken"] == []
     assert "resolution_m = 0.05" in said(capsys, "plugins", "show", "occupancy_grid")[1]
     assert wrong(capsys, "plugins", "show", "nothing")[0] == 1
+
+
+def test_paragraphs_of_a_plugin_fill_the_lines(capsys):
+    paragraphs = said(capsys, "plugins", "show", "carpin")[1].split("\n\n")[1:]
+    full = [line for paragraph in paragraphs for line in paragraph.splitlines()[:-1]]
+    assert len(full) > 5
+    assert all(len(line) > 60 for line in full), full
 
 
 def test_convert(tmp_path, capsys):

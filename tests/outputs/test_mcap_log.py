@@ -267,6 +267,11 @@ class Misspelt:
         return [OutputMessage("map", "nav_msgs/msg/OccupancyGrid", {"cells": []})]
 
 
+def test_a_run_that_was_killed_before_its_first_record_left_no_events(tmp_path: Path) -> None:
+    (tmp_path / "begun.merge.mcap.partial").write_bytes(b"\x89MCAP0\r\n")
+    assert read_events(tmp_path / "begun.merge.mcap.partial") == []
+
+
 def test_a_map_type_that_shows_nonsense_is_named_and_what_was_decided_stays(
     tmp_path: Path, events: list[Event]
 ) -> None:

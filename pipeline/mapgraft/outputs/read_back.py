@@ -63,5 +63,6 @@ def _records(path: Path) -> Iterator[McapRecord]:
 
 def _is_finished(path: Path) -> bool:
     with path.open("rb") as stream:
-        stream.seek(-len(_MAGIC), 2)
+        if stream.seek(-len(_MAGIC), 2) == 0:
+            return False  # the mark is that of the beginning
         return stream.read() == _MAGIC
