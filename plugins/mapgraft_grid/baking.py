@@ -21,7 +21,11 @@ def touched(layer: GridLayer) -> GridRegion:
 
 
 def absorb(layer: GridLayer, evidence: ForeignEvidence) -> GridRegion:
-    """Add weighted log-odds to the layer, in place; returns the cells changed. Raises MapError on overflow."""
+    """Add weighted log-odds to the layer, in place; returns the cells about which the evidence says something.
+
+    They are told from the evidence alone: where it cancels what the layer has absorbed before, it is in the sum all the
+    same. Raises MapError on overflow.
+    """
     keys = np.sort(evidence.index.keys)
     tiles = evidence.tiles[evidence.index.find(keys)]
     changed = GridRegion.from_bits(layer.lattice, keys, erasing.nonzero_rows(tiles))
@@ -42,13 +46,13 @@ def absorb(layer: GridLayer, evidence: ForeignEvidence) -> GridRegion:
 def reset(layer: GridLayer, foreign: GridRegion, keep: GridRegion) -> Reset:
     """Set ``foreign`` minus ``keep`` to unknown, in place.
 
-    Counts the cells that held evidence and now hold none, and the cells of both regions that still hold something
-    absorbed.
+    Counts the cells that held evidence and now hold none, and the cells of both regions: what they have absorbed does
+    not tell whose it is, because what donors say may cancel.
     """
     for region in (foreign, keep):
         if region.keys.size and region.lattice != layer.lattice:
             raise MapError(f"a layer on {layer.lattice} cannot be reset by a region on {region.lattice}")
-    discard, contaminated = foreign.minus(keep), foreign.intersection(keep)
+    discard = foreign.minus(keep)
     pool = layer.pool
     slots = pool.index.find(discard.keys)
     held = GridRegion.from_bits(layer.lattice, discard.keys, _touched_rows(layer, slots) & discard.rows)
@@ -64,15 +68,7 @@ def reset(layer: GridLayer, foreign: GridRegion, keep: GridRegion) -> Reset:
             np.where(present, pool.absorbed.of[slots], -1).astype(np.int32), discard.rows, pool.absorbed.tiles
         )
     layer.version += 1
-    return Reset(discard, len(held), _absorbed_cells(layer, contaminated))
-
-
-def _absorbed_cells(layer: GridLayer, region: GridRegion) -> int:
-    slots = layer.pool.index.find(region.keys)
-    of = np.where(slots >= 0, layer.pool.absorbed.of[slots], -1)
-    some = of >= 0
-    rows = erasing.nonzero_rows(layer.pool.absorbed.tiles[of[some]]) & region.rows[some]
-    return len(GridRegion.from_bits(layer.lattice, region.keys[some], rows))
+    return Reset(discard, len(held), len(foreign.intersection(keep)))
 
 
 def _touched_rows(layer: GridLayer, slots: Slots) -> BitRows:

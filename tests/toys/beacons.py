@@ -1,4 +1,4 @@
-"""A plugin with a map type that is nothing like a grid: counts of beacons heard along a line.
+"""A plugin with a map type that is nothing like a grid: beacons heard, or listened for in vain, along a line.
 
 The engine must carry it all the same.
 """
@@ -57,10 +57,14 @@ class Places:
 
 @dataclass
 class Heard:
-    """A layer: how often a beacon was heard at each whole metre."""
+    """A layer: how much more often a beacon was heard at each whole metre than not, or less often (below zero)."""
 
     counts: Counter[int] = field(default_factory=Counter)
     map_type: str = BEACONS
+
+    def evidence(self) -> dict[int, int]:
+        """The counts without those that have cancelled: they say nothing."""
+        return {at: n for at, n in sorted(self.counts.items()) if n}
 
 
 @dataclass(frozen=True)
@@ -75,7 +79,11 @@ class Chart:
 
 
 class Beacons:
-    """The map type. Its observations are tuples of whole metres at which a beacon was heard."""
+    """The map type.
+
+    Its observations are tuples of whole metres at which a beacon was heard, or mappings from whole metres to how much
+    more often one was heard there than not.
+    """
 
     name = BEACONS
 
@@ -106,26 +114,26 @@ class Beacons:
         return Chart(dict(sorted(counts.items())))
 
     def place(self, layer: Heard, T_receiver_donor: Transform, scale: float = 1.0) -> Heard:
-        if not layer.counts:
+        if not (evidence := layer.evidence()):
             raise EmptyMapError("there is no beacon to place")
         shift = round(T_receiver_donor.x_m)
-        return Heard(Counter({at + shift: n for at, n in layer.counts.items()}))
+        return Heard(Counter({at + shift: n for at, n in evidence.items()}))
 
     def absorb(self, layer: Heard, contribution: Contribution) -> Places:
-        layer.counts.update(contribution.layer.counts)
-        return Places(frozenset(contribution.layer.counts))
+        evidence = contribution.layer.evidence()
+        layer.counts.update(evidence)
+        return Places(frozenset(evidence))
 
     def reset(self, layer: Heard, foreign: Places, keep: Places) -> Reset:
         gone = foreign.minus(keep)
-        for at in gone.at:
-            layer.counts.pop(at, None)
-        return Reset(gone, len(gone), len(foreign) - len(gone))
+        held = sum(layer.counts.pop(at, 0) != 0 for at in gone.at)
+        return Reset(gone, held, len(foreign) - len(gone))
 
     def region(self, layer: Heard) -> Places:
-        return Places(frozenset(layer.counts))
+        return Places(frozenset(layer.evidence()))
 
     def encode(self, layer: Heard) -> bytes:
-        return json.dumps(sorted((at, n) for at, n in layer.counts.items() if n)).encode()
+        return json.dumps(list(layer.evidence().items())).encode()
 
     def decode(self, data: bytes) -> Heard:
         try:
@@ -134,7 +142,8 @@ class Beacons:
             raise MapError(f"these bytes are no beacons: {error}") from None
 
     def metadata(self, layer: Heard) -> MapMetadata:
-        return MapMetadata(BEACONS, known_area_m2=float(len(layer.counts)), observations=sum(layer.counts.values()))
+        evidence = layer.evidence()
+        return MapMetadata(BEACONS, known_area_m2=float(len(evidence)), observations=sum(map(abs, evidence.values())))
 
     def messages(self, map_: Chart) -> Iterable[OutputMessage]:
         return [OutputMessage("map", "std_msgs/msg/String", {"data": json.dumps(list(map_.counts.items()))})]

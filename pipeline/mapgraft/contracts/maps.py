@@ -106,7 +106,11 @@ class Contribution:
 
 @dataclass(frozen=True, slots=True)
 class Reset:
-    """What discarding a donor's data in a single map cost: units reset to unknown, units left contaminated."""
+    """What discarding a donor's data in a single map cost: units reset to unknown, units left contaminated.
+
+    ``touched`` are the units discarded, ``cells_reset`` counts those of them that held evidence before, and
+    ``cells_contaminated`` the donor's units that were kept, also where its evidence and another donor's cancel.
+    """
 
     touched: Region
     cells_reset: int
@@ -117,9 +121,10 @@ class Reset:
 class Exactness:
     """The statement of a reversal after a revert.
 
-    ``exact`` means that the robot's map is, bit for bit, what it would be had the merge never happened.
-    ``lost`` counts units of the robot's own or of other standing merges' evidence that went with the revert,
-    ``contaminated`` units that still hold something of the reverted donor.
+    ``exact`` means that the robot's map is, bit for bit, what it would be had the merge never happened, and that
+    nothing else went with it. ``cells_lost`` counts units of the robot's own or of other standing merges' evidence that
+    went with the revert, each once however many had a share in it, ``cells_contaminated`` units that still hold
+    something of the reverted donor, also where that and another donor's evidence cancel.
     """
 
     exact: bool
@@ -188,13 +193,17 @@ class MapType(Protocol):
         ...
 
     def absorb(self, layer: Layer, contribution: Contribution) -> Region:
-        """Bake a contribution into a layer, in place (``single_map``, ``multi_map``); returns the units changed."""
+        """Bake a contribution into a layer, in place (``single_map``, ``multi_map``).
+
+        Returns the units to which the contribution adds evidence, whatever the layer holds there already.
+        """
         ...
 
     def reset(self, layer: Layer, foreign: Region, keep: Region) -> Reset:
         """The paper's discard (section 3.2): set ``foreign`` minus ``keep`` to unknown, in place, and count.
 
-        ``cells_reset`` counts the units that held evidence, ``cells_contaminated`` those in ``foreign`` and ``keep``.
+        ``foreign`` is what ``absorb`` returned, without what was discarded since. ``cells_reset`` counts the units that
+        held evidence, ``cells_contaminated`` those in ``foreign`` and ``keep``.
         """
         ...
 

@@ -25,15 +25,14 @@ class SingleMap:
         self._layer = map_type.new_layer()
         self.version = 0
         self._view = LazyView(map_type)
-        self._updated: Region | None = None  # the local update map, kept from the first merge on
+        self._updated = map_type.region(self._layer)  # the local update map: of all time, whenever the merges were
         self._foreign: dict[str, Region] = {}
         self._before: tuple[Layer, int] | None = None  # the last layer that was the robot's own, and its version
 
     def observe(self, observation: Observation) -> Region:
         touched = self._map_type.integrate(self._layer, observation)
         self.version += 1
-        if self._updated is not None:
-            self._updated = self._updated.union(touched)
+        self._updated = self._updated.union(touched)
         self._view.touch(touched)
         return touched
 
@@ -42,7 +41,6 @@ class SingleMap:
             raise ReversalError(f"merge {merge_id} is already in the map: revert it first")
         if self._before is None:
             self._before = (self._map_type.decode(self._map_type.encode(self._layer)), self.version)
-            self._updated = self._map_type.region(self._layer)
         changed = self._map_type.absorb(self._layer, contribution)
         self._foreign[merge_id] = changed
         self._view.touch(changed)
@@ -55,10 +53,10 @@ class SingleMap:
 
     def revert(self, merge_id: str) -> Exactness:
         foreign = self._foreign.pop(merge_id, None)
-        if foreign is None or self._updated is None:
+        if foreign is None:
             raise ReversalError(f"merge {merge_id} is not in the map: it was never made or already reverted")
         discarded = foreign.minus(self._updated)
-        lost = sum(_shared(discarded, other) for other in self._foreign.values())
+        lost = len(discarded) - len(self._without_others(discarded))
         reset = self._map_type.reset(self._layer, foreign, self._updated)
         self._foreign = {name: other.minus(discarded) for name, other in self._foreign.items()}
         self._view.touch(reset.touched)
@@ -89,6 +87,7 @@ class SingleMap:
     def offered_version(self) -> int:
         return self.version if self._before is None else self._before[1]
 
-
-def _shared(a: Region, b: Region) -> int:
-    return len(a) - len(a.minus(b))
+    def _without_others(self, region: Region) -> Region:
+        for other in self._foreign.values():
+            region = region.minus(other)
+        return region
