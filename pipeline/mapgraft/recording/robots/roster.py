@@ -45,7 +45,7 @@ def call_roll(paths: Sequence[Path], config: Config, library: Library) -> Roster
     Raises RecordingError when a file cannot be read or a configured robot cannot be mapped, ConfigError when the
     configuration speaks of what is not there.
     """
-    paths = [*paths, *_further_files(paths, config)]
+    paths = [*paths, *further_files(paths, config)]
     map_paths = [path for path in paths if library.format_of(path) is not None]
     glimpses = [library.look(path) for path in paths if path not in map_paths]
     call = _Call(config, library, _discovered(glimpses, config), _named_maps(map_paths))
@@ -57,12 +57,12 @@ def call_roll(paths: Sequence[Path], config: Config, library: Library) -> Roster
     return Roster(plans, maps, tuple(call.unmappable), tuple(glimpses))
 
 
-def _further_files(paths: Sequence[Path], config: Config) -> list[Path]:
+def further_files(paths: Sequence[Path], config: Config) -> list[Path]:
     """Files that only the configuration names; raises ConfigError for one that is not there."""
     further: list[Path] = []
     for name, robot in config.robots.items():
         for pattern in robot.files:
-            if not any(_matches(path, pattern) for path in (*paths, *further)):
+            if not any(matches(path, pattern) for path in (*paths, *further)):
                 if not Path(pattern).exists():
                     known = ", ".join(path.name for path in paths) or "none"
                     raise ConfigError(f"robots.{name}.files: there is no file {pattern!r}: the mission has {known}")
@@ -80,7 +80,7 @@ def _discovered(glimpses: Sequence[Glimpse], config: Config) -> tuple[FoundRobot
             for g in glimpses
             if g.source.path.resolve() not in pose_files
             or any(seen.kind == "scan" for seen in g.payloads)
-            or any(_matches(g.source.path, pattern) for pattern in named)
+            or any(matches(g.source.path, pattern) for pattern in named)
         ]
     )
 
@@ -89,7 +89,8 @@ def _named_maps(paths: Sequence[Path]) -> dict[str, Path]:
     return dict(zip(told_apart(paths), paths, strict=True))
 
 
-def _matches(path: Path, pattern: str) -> bool:
+def matches(path: Path, pattern: str) -> bool:
+    """Whether an entry of ``robots.*.files`` (a path, a name or a pattern) means this file."""
     return (
         pattern in (str(path), path.name, stem(path))
         or fnmatch(path.name, pattern)
@@ -142,7 +143,7 @@ class _Call:
     def _map_of(self, name: str, robot: RobotConfig) -> str | None:
         """The map file that a configured robot is, if it is one."""
         for candidate, path in self._maps.items():
-            if robot.source == candidate or any(_matches(path, pattern) for pattern in robot.files):
+            if robot.source == candidate or any(matches(path, pattern) for pattern in robot.files):
                 return candidate
         return name if robot.source is None and not robot.files and name in self._maps else None
 
@@ -160,7 +161,7 @@ class _Call:
             return [self._found[robot.source]]
         candidates = list(self._found.values())
         if robot.files:
-            candidates = [r for r in candidates if any(_matches(r.glimpse.source.path, p) for p in robot.files)]
+            candidates = [r for r in candidates if any(matches(r.glimpse.source.path, p) for p in robot.files)]
         elif name in self._found:
             return [self._found[name]]
         else:
