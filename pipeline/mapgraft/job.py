@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from ruamel.yaml import YAML
 
 from mapgraft import __version__
-from mapgraft.assembly import assemble
+from mapgraft.assembly import Assembly, assemble
 from mapgraft.config import Config, load_config, parse_config
 from mapgraft.contracts import Observation
 from mapgraft.decision import DecisionTable, build_table
@@ -23,15 +23,16 @@ from mapgraft.errors import RecordingError, UsageError
 from mapgraft.events import Event, Sink, Snapshot
 from mapgraft.outputs.provenance import InputFile, RunProvenance, run_id_of
 from mapgraft.plugins import Plugins, load_plugins
-from mapgraft.remember import MISSION_FILE, remembered_text
+from mapgraft.remember import MISSION_FILE, essence_text, inputs_of, remembered_text
 from mapgraft.replay import replay
 from mapgraft.robot import Robot
+from mapgraft.stopwatch import Stopwatch
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-
-HAND_FIELDS = ("priors", "forbid", "verdicts")  # what persons say afterwards does not make it another run
+    from mapgraft.outputs.run_folder import RunFolder
+    from mapgraft.recording.mission import Mission
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +119,7 @@ def run(
     one sentence; what was decided before is on disk.
     """
     from mapgraft.outputs.run_folder import RunFolder
-    from mapgraft.recording.mission import nothing_to_map, open_mission
+    from mapgraft.recording.mission import open_mission
     from mapgraft.recording.naming import stem
 
     if not files:
@@ -126,21 +127,23 @@ def run(
         config = demo_config if config is None else config
     listed = [files] if isinstance(files, Path | str) else files
     paths, plugins = [Path(file) for file in listed], plugins or load_plugins()
-    checked = as_config(config)
-    with open_mission(paths, checked, plugins=plugins) as mission:
-        table = build_table(plugins, checked.rules)
-        provenance = provenance_of(paths, checked, plugins, table)
-        run_id = run_id_of(replace(provenance, config_text=config_text(checked, without=HAND_FIELDS)))
-        fan = Fan(list(sinks))
-        assembly = assemble(mission, checked, plugins, table, fan)  # before the folder is touched: it may refuse
-        with ExitStack() as stack:
-            if out is not None:
-                folder = RunFolder(Path(out), stem(paths[0]), run_id, provenance, checked.output.scans)
-                fan.sinks.append(stack.enter_context(folder))
-                folder.keep(MISSION_FILE, remembered_text(paths, checked).encode())
-            count = replay(mission.observations(), assembly.robots, assembly.exchange, fan)
-            if count == 0:
-                raise RecordingError(nothing_to_map(mission))
+    checked, watch = as_config(config), Stopwatch()
+    with ExitStack() as stack:
+        with watch.stage("opening"):
+            mission = stack.enter_context(open_mission(paths, checked, plugins=plugins))
+            table = build_table(plugins, checked.rules)
+            provenance = provenance_of(paths, checked, plugins, table)
+            run_id = run_id_of(replace(provenance, config_text=essence_of(paths, checked, provenance.inputs)))
+            fan = Fan(list(sinks))
+            assembly = assemble(mission, checked, plugins, table, fan)  # before the folder is touched: it may refuse
+        folder = None
+        if out is not None:
+            folder = RunFolder(Path(out), stem(paths[0]), run_id, provenance, checked.output.scans)
+            fan.sinks.append(stack.enter_context(folder))
+            folder.keep(MISSION_FILE, remembered_text(paths, checked).encode())
+        count = _replayed(mission, assembly, fan, watch)
+        if folder is not None:
+            _tell_costs(folder, watch, assembly.exchange.traffic.sent)
         start_ns, lost = mission.start_ns, tuple(mission.tally.sentences())
         remarks = tuple(f"{robot.name}: {remark}" for robot in mission.robots for remark in robot.remarks)
     return Result(
@@ -154,6 +157,31 @@ def run(
         lost=lost,
         remarks=remarks,
     )
+
+
+def _replayed(mission: Mission, assembly: Assembly, sink: Sink, watch: Stopwatch) -> int:
+    """Replay a mission and time it; raises RecordingError when there was nothing to observe."""
+    from mapgraft.recording.mission import nothing_to_map
+
+    assembly.exchange.watch = watch
+    watch.add("exchanging", 0.0, 0)  # also where nobody meets
+    with watch.stage("replaying", 0):
+        observations = watch.waiting("reading", mission.observations())
+        count = replay(observations, assembly.robots, assembly.exchange, sink)
+    if count == 0:
+        raise RecordingError(nothing_to_map(mission))
+    within_s = watch.elapsed_s("reading") + watch.elapsed_s("exchanging")
+    watch.add("observing", watch.elapsed_s("replaying") - within_s, count)
+    watch.add("replaying", 0.0, count)
+    return count
+
+
+def _tell_costs(folder: RunFolder, watch: Stopwatch, traffic: Mapping[tuple[str, str], int]) -> None:
+    """What the run took and what passed between the robots, for its folder."""
+    stages = {stage.name: stage for stage in watch.stages}
+    for name in ("opening", "replaying", "reading", "observing", "exchanging"):
+        folder.timed(name, stages[name].elapsed_s, stages[name].count)
+    folder.carried(traffic)
 
 
 def map_alone(files: Sequence[Path], config: Config, plugins: Plugins, table: DecisionTable) -> Mapping[str, Robot]:
@@ -191,24 +219,28 @@ def provenance_of(
     paths: Sequence[Path], config: Config, plugins: Plugins, table: DecisionTable, clock: datetime | None = None
 ) -> RunProvenance:
     """What a run is made of. ``clock`` is when it was started (default: now)."""
-    pose_files = [robot.poses.file for _, robot in sorted(config.robots.items()) if robot.poses.file]
     origins = {offered.origin for offered in plugins.offered.values()}
     return RunProvenance(
         version=__version__,
         config_text=config_text(config),
         decision_table_text=table.source,
-        inputs=[InputFile(str(path), *_digest(path)) for path in (*paths, *pose_files)],
+        inputs=[InputFile(str(path), *_digest(path)) for path in inputs_of(paths, config)],
         started_at=clock or datetime.now(UTC),
         host=platform.node(),
         plugins={origin.plugin: f"{origin.distribution} {origin.version}" for origin in origins},
     )
 
 
-def config_text(config: Config, without: Sequence[str] = ()) -> str:
+def essence_of(paths: Sequence[Path], config: Config, inputs: Sequence[InputFile]) -> str:
+    """The configuration as it goes into the run's id: where files lie, and what persons say, makes no other run."""
+    sha256 = dict(zip(inputs_of(paths, config), (file.sha256 for file in inputs), strict=True))
+    return essence_text(paths, config, sha256)
+
+
+def config_text(config: Config) -> str:
     """The configuration as YAML with every default filled in."""
-    content = config.model_dump(mode="json", exclude=set(without))
     buffer = io.StringIO()
-    YAML(typ="safe", pure=True).dump(content, buffer)
+    YAML(typ="safe", pure=True).dump(config.model_dump(mode="json"), buffer)
     return buffer.getvalue()
 
 

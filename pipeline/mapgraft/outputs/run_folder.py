@@ -5,7 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
@@ -23,11 +23,13 @@ from mapgraft.outputs.provenance import RunProvenance
 from mapgraft.outputs.scene import Scene
 from mapgraft.outputs.staging import Staging, close_quietly, sync_folder, writing
 from mapgraft.outputs.standing import StandingMerges
+from mapgraft.stopwatch import Stopwatch
 from mapgraft_schemas import VERSION
 
 ROUTINE = ("offered", "verified")  # events that wait for the next decision to be brought to disk
 LOCK = ".mapgraft.lock"
 SUMMARY = "summary.json"
+WRITING = "writing"  # the stage of a run that is spent here
 _BATCH = 512  # poses and events that wait to be written together
 _OURS = ("maps/", "trajectories/")  # where files of an earlier run are taken away when this one has none of that name
 
@@ -51,6 +53,8 @@ class RunFolder:
         self._snapshots: dict[str, Snapshot] = {}
         self._standing, self._scene, self._tally = StandingMerges(), Scene(), Tally()
         self._names = file_names()
+        self._traffic: dict[tuple[str, str], int] = {}
+        self._watch = Stopwatch()
         self._intact = self._open = True
         with writing(out):
             out.mkdir(parents=True, exist_ok=True)
@@ -106,17 +110,24 @@ class RunFolder:
         """Wall clock that a stage of the run took; goes into the table ``timings`` and nowhere else."""
         self._parquet.timed(stage, elapsed_s, count)
 
+    def carried(self, traffic: Mapping[tuple[str, str], int]) -> None:
+        """How many bytes went from each donor to each receiver, for the summary."""
+        self._traffic.update(traffic)
+
     def finish(self) -> None:
         """Make everything whole, then give every file its final name; nothing of it is half-written at any time."""
         with self._writing():
-            self._drain()
-            layout = self._mcap.close(self._scene.span_m())
-            self._stream.close()
-            self._trajectories.close()
+            with self._watch.stage(WRITING):
+                self._drain()
+                layout = self._mcap.close(self._scene.span_m())
+                self._stream.close()
+                self._trajectories.close()
+                if not list(self._out.glob(f"labels/run_id={self._run_id}/*.parquet")):
+                    PartWriter(self._staging, "labels", self._run_id).close()
+                self._write_files(layout)
+            for stage in self._watch.stages:
+                self._parquet.timed(stage.name, stage.elapsed_s, stage.count)
             self._parquet.close(self._provenance.inputs)
-            if not list(self._out.glob(f"labels/run_id={self._run_id}/*.parquet")):
-                PartWriter(self._staging, "labels", self._run_id).close()
-            self._write_files(layout)
             earlier = _files_of(self._out / SUMMARY)
             published = self._staging.publish()
             self._remove_leftovers(earlier, published)
@@ -194,6 +205,10 @@ class RunFolder:
             "robots": robots,
             "components": [{"name": c.name, "robots": list(c.robots), "map_of": c.map_of} for c in together],
             **self._tally.summary(),
+            "bytes": [
+                {"donor": donor, "receiver": receiver, "bytes": size}
+                for (donor, receiver), size in sorted(self._traffic.items())
+            ],
             "files": [name for name in self._staging.names if "/run_id=" not in name],
         }
         self._staging.write(SUMMARY, json_bytes(summary))  # the last one renamed: who finds it finds all others
@@ -227,7 +242,7 @@ class RunFolder:
         if not (self._open and self._intact):
             raise OutputError(f"{self._out} is closed or has failed before: start a new run to write to it")
         self._intact = False
-        with writing(self._out):
+        with self._watch.stage(WRITING), writing(self._out):
             yield
         self._intact = True
 
