@@ -164,8 +164,9 @@ def test_matrices_are_never_null_because_older_readers_refuse_that(out: Path) ->
 def test_recordings_and_timings(out: Path) -> None:
     rows = pq.read_table(part(out, "recordings"), partitioning=None).to_pylist()
     assert [(row["path"], row["size_bytes"]) for row in rows] == [("a.mcap", 1234), ("b.bag", 99)]
-    (timing,) = pq.read_table(part(out, "timings"), partitioning=None).to_pylist()
-    assert timing == {"position": 0, "stage": "replay", "elapsed_s": 1.5, "count": 1800}
+    told_to, own = pq.read_table(part(out, "timings"), partitioning=None).to_pylist()
+    assert told_to == {"position": 0, "stage": "replay", "elapsed_s": 1.5, "count": 1800}
+    assert (own["position"], own["stage"]) == (1, "writing") and own["elapsed_s"] > 0 and own["count"] > 1
 
 
 def test_transforms_lead_both_ways_between_connected_robots(events: list[Event]) -> None:
@@ -209,6 +210,9 @@ def test_labels_are_appended_beside_what_is_there(tmp_path: Path) -> None:
     with RunFolder(folder, "demo", RUN_ID, provenance()) as sink:
         tell(sink, told())
     label = {
+        "receiver": "alpha",
+        "donor": "beta",
+        "T_receiver_donor_judged": np.eye(4),
         "label": "wrong",
         "annotator": "Ann",
         "T_receiver_donor": np.eye(4),
