@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from mapgraft.config import Config, MapConfig
 from mapgraft.contracts import MapType
 from mapgraft.decision import DecisionTable
-from mapgraft.errors import ConfigError
+from mapgraft.errors import ConfigError, PluginError
 from mapgraft.events import Sink
 from mapgraft.history import History, Journal
 from mapgraft.persons import Hand, given_priors, recorded_priors
@@ -46,7 +46,10 @@ def assemble(mission: Mission, config: Config, plugins: Plugins, table: Decision
         reversal = new_reversal(reversal_name, map_type)
         journal = Journal(history, source.name, map_type, reversal, config.output.snapshots)
         robots[source.name] = Robot(source.name, map_type, reversal, table, workshop, hand, journal)
-    policy = workshop.policy(config.exchange.use, config.exchange.parameters)
+    try:
+        policy = workshop.policy(config.exchange.use, config.exchange.parameters)
+    except (ConfigError, PluginError) as error:
+        raise ConfigError(f"exchange: {error}") from None
     return Assembly(robots, Exchange(policy, robots, mission.T_world_map), history, hand)
 
 
@@ -55,12 +58,13 @@ def map_type_of(name: str, kinds: Iterable[str], config: Config, workshop: Works
     robot = config.robots.get(name)
     own, default = robot.map if robot else MapConfig(), config.map
     chosen = own.type or default.type or preferred_type(kinds, workshop.plugins)
+    where = f"robots.{name}.map" if robot else "map"
     inherited = default.parameters if default.type in (None, chosen) else {}
     parameters = {**inherited, **(own.parameters if own.type in (None, chosen) else {})}
     try:
         return workshop.new_map_type(chosen, parameters)
-    except ConfigError as error:
-        raise ConfigError(f"robots.{name}.map: {error}") from None
+    except (ConfigError, PluginError) as error:
+        raise ConfigError(f"{where}: {error}") from None
 
 
 def preferred_type(kinds: Iterable[str], plugins: Plugins) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,6 +15,7 @@ from ruamel.yaml.error import YAMLError
 from mapgraft.errors import ConfigError
 
 ReversalName = Literal["ledger", "single_map", "multi_map"]
+TURN_RAD = 2.0 * math.pi
 Seconds = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -105,7 +107,7 @@ class PriorConfig(Section):
     donor: str
     x_m: Seconds
     y_m: Seconds
-    yaw_rad: Seconds
+    yaw_rad: Annotated[float, Field(ge=-TURN_RAD, le=TURN_RAD)]  # more is surely meant in degrees
     sigma_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.5
     sigma_yaw_rad: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.1
 
@@ -131,11 +133,17 @@ class MissionConfig(Section):
     """
 
     start: Literal["aligned", "recorded"] = "aligned"
-    start_s: Seconds | None = None
-    end_s: Seconds | None = None
+    start_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
+    end_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     every: Annotated[int, Field(ge=1)] = 1
     typestore: str = "ros2_humble"
     known_poses: bool = False
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.start_s is not None and self.end_s is not None and self.end_s <= self.start_s:
+            raise ValueError(f"end_s must lie after start_s, found {self.start_s:g} to {self.end_s:g}")
+        return self
 
 
 class OutputConfig(Section):

@@ -166,6 +166,9 @@ def load_plugins(without: Collection[str] = ()) -> Plugins:
     distribution is loaded.
     """
     plugins = Plugins()
+    if unknown := sorted(set(without) - set(importlib.metadata.entry_points(group=GROUP).names)):
+        names = ", ".join(sorted(importlib.metadata.entry_points(group=GROUP).names))
+        raise PluginError(f"there is no plugin {', '.join(unknown)} to leave out: installed are {names}")
     found = [(_origin_of(entry_point), entry_point) for entry_point in importlib.metadata.entry_points(group=GROUP)]
     own_only = bool(os.environ.get(NO_AUTOLOAD))
     for origin, entry_point in sorted(found, key=lambda pair: (pair[0].distribution != OWN, *pair[0], pair[1].value)):

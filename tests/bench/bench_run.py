@@ -93,7 +93,7 @@ def measure(paths: list[Path], out: Path, watch: Stopwatch) -> int:
         mapgraft.run(paths, alone, out / "alone")
     with watch.stage("run without outputs, nothing merged"):
         mapgraft.run(paths, alone)
-    merged = config_of(exchange={"use": "at", "seconds": [2.0]}, priors=true_priors(), rules=NEVER_REVERTED)
+    merged = config_of(exchange={"use": "at", "seconds": [1.0]}, priors=true_priors(), rules=NEVER_REVERTED)
     with watch.stage("run, six merges standing, SM and DM every 10"):
         result = mapgraft.run(paths, merged, out / "merged")
     assert len(result.standing) == 6

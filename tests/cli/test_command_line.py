@@ -176,6 +176,10 @@ def test_convert(tmp_path, capsys):
         (["run", "--prior", "alpha,zulu=1,2,3"], 2, "there is no robot zulu: the recording has alpha, bravo, charlie"),
         (["run", "--forbid", "alpha"], 2, "--forbid wants two robots"),
         (["run", "--reversal", "undo"], 2, "reversal: Input should be 'ledger', 'single_map' or 'multi_map'"),
+        (["run", "--start", "50", "--end", "10"], 2, "end_s must lie after start_s"),
+        (["run", "--start", "-5"], 2, "mission.start_s"),
+        (["run", "--prior", "alpha,bravo=1,2,400"], 2, "priors.0.yaw_rad"),
+        (["run", "--no-plugin", "nosuch"], 1, "there is no plugin nosuch to leave out: installed are"),
         (["decide"], 2, "name recordings, or describe two maps"),
         (["decide", "--own", "x=1", "--other", "type=b"], 2, "--own needs the map's type"),
     ],
@@ -202,6 +206,31 @@ def test_config_faults_all_at_once(tmp_path, capsys):
     assert (
         "there is no map type called 'cubes'" in wrong(capsys, "run", "-c", str(config), "-o", str(tmp_path / "out"))[1]
     )
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("exchange: {use: whenever}", "exchange: there is no policy called 'whenever': did you mean 'every'"),
+        ("exchange: {use: every, secnds: 3}", "exchange: the policy 'every' has no parameter 'secnds'"),
+        ("map: {type: octree}", "map: there is no map type called 'octree'"),
+        ("rules: there_is_no.yaml", "there_is_no.yaml"),
+        (
+            "rules: [{name: r, match: {use: carpin, hypothesis: 3}, fuse: {use: log_odds, qualty: none},"
+            " accept: {use: thresholds}, verify: {use: thresholds, metrics: [similarity]}}]",
+            "rule 'r': the matcher 'carpin' has no parameter 'hypothesis'",
+        ),
+    ],
+)
+def test_info_refuses_what_run_would_refuse(tmp_path, capsys, text, sentence):
+    config = tmp_path / "c.yaml"
+    config.write_text(text)
+    for command in (["info"], ["run", "-o", str(tmp_path / "out")]):
+        code, said_ = wrong(capsys, *command, "-c", str(config), *map(str, demo_files()[0]))
+        assert code == 2
+        assert sentence in said_
+    if "qualty" in text:
+        assert "the fuser 'log_odds' has no parameter 'qualty'" in said_  # all faults of all rules at once
 
 
 def test_an_output_folder_that_cannot_be_written(tmp_path, capsys):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
+from mapgraft.check import check
 from mapgraft.console import cell, print_json, results
 from mapgraft.job import as_config, demo
 from mapgraft.plugins import load_plugins
@@ -27,16 +28,21 @@ def show_info(files: Sequence[Path], config: Path | None, *, as_json: bool, with
     if not paths:
         paths, demo_config = demo()
         config = config or demo_config
-    found = survey(paths, as_config(config), plugins=load_plugins(without))
+    checked, plugins = as_config(config), load_plugins(without)
+    used = check(paths, checked, plugins)
+    found = survey(paths, checked, plugins=plugins)
     if as_json:
-        print_json(dataclasses.asdict(found))
+        print_json({**dataclasses.asdict(found), "used": used})
         return
     console = results()
     for file in found.files:
         _print_file(console, file)
     for robot in found.robots:
-        _print_robot(console, robot)
+        _print_robot(console, robot, used["robots"][robot.source.name])
     _print_mission(console, found)
+    exchange = ", ".join(f"{key} {value}" for key, value in used["exchange"].items() if key != "use")
+    console.print(cell(f"  exchange: {used['exchange']['use']}" + (f" ({exchange})" if exchange else "")))
+    console.print(cell(f"  rules: {', '.join(used['rules'])}"))
 
 
 def _print_file(console: Console, file: SurveyedFile) -> None:
@@ -55,14 +61,15 @@ def _print_file(console: Console, file: SurveyedFile) -> None:
     console.print(table)
 
 
-def _print_robot(console: Console, robot: SurveyedRobot) -> None:
+def _print_robot(console: Console, robot: SurveyedRobot, used: Mapping[str, str]) -> None:
     source = robot.source
     console.print(cell(f"robot {source.name}"), style="bold")
     seen = f"{', '.join(source.kinds)} on {', '.join(source.topics)}"
     lines = [
         f"observes  {seen}: {robot.placed:,} of {robot.read:,} have a pose",
         f"poses     {source.poses}",
-        f"map       {robot.smear}",
+        f"map       {used['map']}, reversal {used['reversal']}",
+        f"sharpness {robot.smear}",
     ]
     if robot.path_m:
         lines.append(f"path      {robot.path_m:,.1f} m from {_date(source.start_ns)} to {_date(source.end_ns)}")
@@ -72,7 +79,8 @@ def _print_robot(console: Console, robot: SurveyedRobot) -> None:
 
 def _print_mission(console: Console, found: Survey) -> None:
     duration_s = (found.end_ns - found.start_ns) / 1e9
-    console.print(cell(f"mission of {len(found.robots)} robots, {duration_s:,.1f} s"), style="bold")
+    robots = f"{len(found.robots)} robot{'s' * (len(found.robots) != 1)}"
+    console.print(cell(f"mission of {robots}, {duration_s:,.1f} s"), style="bold")
     for remark in found.remarks:
         console.print(cell(f"  {remark}"))
     for problem in found.problems:
