@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.contracts import ConfigError, EmptyMapError, Map, MapError, Match, Points, Prior, Transform
+from mapgraft_grid.certainty import Lattice, certainty
 from mapgraft_grid.grid_map import OCCUPIED, UNKNOWN, DenseGrid, GridMap
 from mapgraft_grid.kernels.agreement import coincidences, meet
 from mapgraft_grid.kernels.coarsen import coarsen
@@ -22,6 +23,8 @@ PEAK_SEPARATION = 3  # cells between two peaks of an axis correlation
 SEARCH_WALLS = 4_000  # occupied cells of the source that choose among all shifts
 KEPT_SHIFTS = 25  # of each rotation, to be looked at more closely
 SEARCH_FREE = 5_000  # free cells of the source that measure the overlap there; the final tables count all
+SEARCH_CELLS = 0.3  # sd of a found shift per axis, in cells, and of a found yaw: the search is no finer
+SEARCH_RAD = math.radians(0.3)
 SAME_RESOLUTION = 0.01  # relative difference up to which nothing is resampled
 
 
@@ -55,11 +58,15 @@ class Carpin:
     Poses that are the same place (within 10° and 2.5 m) are one hypothesis, represented by the one with most coinciding
     occupied cells. Its score is the acceptance indicator ``ai`` = equal / (equal + different) over the jointly known
     cells. At most ``returned`` come back, best first; those with less than half the coinciding occupied cells of the
-    best come after the others and are no rivals in the margin. Never a reflection; a prior is not used; the method
-    cannot tell a covariance.
+    best come after the others and are no rivals in the margin. Never a reflection; a prior is not used.
+
+    The method itself tells no covariance; it comes from the walls that lie on each other (``certainty``), holds if the
+    hypothesis is the right one, and is None where these are less than 2 m. Along a corridor it is about the extent of
+    the target map.
 
     Evidence: ``agreement``, ``disagreement``, ``overlap_cells``, ``occupied_agreement`` (cells of the working
-    resolution ``resolution_m``) and ``hough_peak``.
+    resolution ``resolution_m``) and ``hough_peak``; with a covariance also ``sigma_max_m``, the greatest standard
+    deviation of where the common walls lie, and ``degenerate_dir_rad``, its direction in the target's frame in [0, π).
 
     Source: S. Carpin, Fast and accurate map merging for multi-robot systems, Autonomous Robots 25 (2008).
     """
@@ -95,7 +102,7 @@ class Carpin:
         known = _known(b)
         ranked = sorted((_scored(a, *known, pose) for pose in rivals), key=_by_score)
         ranked += sorted((_scored(a, *known, pose) for pose in weaker), key=_by_score)
-        return [_with_margin(match, ranked, len(rivals)) for match in ranked[: self.returned]]
+        return [_completed(match, ranked, len(rivals), a, b) for match in ranked[: self.returned]]
 
     def _poses(self, a: _Side, b: _Side) -> list[_Pose]:
         unit_m = a.unit_m
@@ -293,7 +300,21 @@ def _by_score(match: Match) -> tuple[float, float]:
     return -match.score, -match.evidence["occupied_agreement"]
 
 
-def _with_margin(match: Match, ranked: list[Match], rivals: int) -> Match:
+def _completed(match: Match, ranked: list[Match], rivals: int, target: _Side, source: _Side) -> Match:
+    """The match with its margin over the rivals, and with how certain it is where the walls tell."""
     others = [other.score for other in ranked[:rivals] if other is not match]
     margin = match.score - max(others) if others else math.inf
-    return Match(match.T_receiver_donor, match.score, margin, evidence=match.evidence)
+    T = match.T_receiver_donor
+    known = certainty(_lattice(target), _lattice(source), T, SEARCH_CELLS * target.unit_m, SEARCH_RAD)
+    if known is None:
+        return Match(T, match.score, margin, evidence=match.evidence)
+    evidence = {
+        **match.evidence,
+        "sigma_max_m": known.sigma_max_m,
+        "degenerate_dir_rad": known.degenerate_dir_rad,
+    }
+    return Match(T, match.score, margin, covariance=known.covariance, evidence=evidence)
+
+
+def _lattice(side: _Side) -> Lattice:
+    return Lattice(side.classes, side.unit_m, side.origin_m)

@@ -57,6 +57,16 @@ def walls_of(map_: GridMap) -> NDArray[np.float64]:
     return np.stack((columns + 0.5, rows + 0.5), axis=1) * dense.resolution_m + np.array(dense.origin_m)
 
 
+def inside_ellipse(match: Match, truth: Transform) -> bool:
+    """Whether the truth lies in the ellipsoid of x, y and yaw that should hold it in 95 % of all cases."""
+    assert match.covariance is not None
+    found = match.T_receiver_donor
+    turn = math.remainder(found.yaw_rad - truth.yaw_rad, 2 * math.pi)
+    error = np.array([found.x_m - truth.x_m, found.y_m - truth.y_m, turn])
+    covariance = match.covariance[np.ix_([0, 1, 5], [0, 1, 5])]
+    return bool(error @ np.linalg.solve(covariance, error) <= 7.81)
+
+
 def flat_with_rooms(seed: int) -> NDArray[np.uint8]:
     """A floor of rooms that no turn maps on itself, as classes."""
     rng = np.random.default_rng(seed)
@@ -113,6 +123,8 @@ def test_two_missions_meet_at_any_two_resolutions(intel: list[Observation], targ
     shift_m, turn_deg = off_by(best.T_receiver_donor, T_world_map, walls_of(source))
     assert shift_m < 0.25 and turn_deg < 1.5
     assert best.score > 0.93 and best.margin > 0.02
+    assert inside_ellipse(best, T_world_map)
+    assert best.evidence["sigma_max_m"] < 0.5 * max(target_m, source_m)  # nor is it told to be anywhere
     assert best.evidence["resolution_m"] == max(target_m, source_m)
     assert best.score - second.score == pytest.approx(-second.margin)
 
@@ -146,6 +158,8 @@ def test_equal_inputs_give_equal_bits_and_stay_as_they_are(grid_map_of: MakeMap)
     before = [(m.dense().classes.copy(), m.dense().log_odds.copy()) for m in maps]
     first, again = Carpin().match(*maps), Carpin().match(grid_map_of(classes), grid_map_of(np.rot90(classes[:, 30:])))
     assert [repr(m) for m in first] == [repr(m) for m in again]
+    assert first[0].covariance is not None and again[0].covariance is not None
+    assert first[0].covariance.tobytes() == again[0].covariance.tobytes()
     assert [m.T_receiver_donor.matrix.tobytes() for m in first] == [m.T_receiver_donor.matrix.tobytes() for m in again]
     for map_, (kept_classes, kept_log_odds) in zip(maps, before, strict=True):
         assert not map_.dense().classes.flags.writeable
@@ -160,7 +174,7 @@ def test_hypotheses_are_rigid_different_places_best_first(grid_map_of: MakeMap) 
     middle = np.array([[5.0, 6.0]])
     for number, match in enumerate(matches):
         assert np.linalg.det(match.T_receiver_donor.matrix[:3, :3]) == pytest.approx(1.0)  # never a reflection
-        assert match.scale == 1.0 and match.covariance is None
+        assert match.scale == 1.0
         e = match.evidence
         assert e["agreement"] + e["disagreement"] == e["overlap_cells"]
         assert match.score == pytest.approx(e["agreement"] / e["overlap_cells"])
@@ -180,6 +194,31 @@ def test_a_symmetric_room_has_two_equally_good_hypotheses(grid_map_of: MakeMap) 
     assert first.margin == pytest.approx(0.0, abs=0.02)
     turn = math.remainder(first.T_receiver_donor.yaw_rad - second.T_receiver_donor.yaw_rad, 2 * math.pi)
     assert abs(turn) == pytest.approx(math.pi, abs=0.02)
+
+
+def test_a_corridor_tells_nothing_of_where_along_it(grid_map_of: MakeMap) -> None:
+    rng = np.random.default_rng(7)
+
+    def corridor(columns: int) -> NDArray[np.uint8]:
+        classes = np.ones((24, columns), np.uint8)
+        classes[[0, 1, -2, -1]] = rng.integers(1, 3, (4, columns))  # ragged, each time anew
+        classes[[0, -1]] = OCCUPIED
+        return classes
+
+    best = Carpin(overlap_min=0.9).match(grid_map_of(corridor(160)), grid_map_of(np.rot90(corridor(110))))[0]
+    assert best.covariance is not None
+    assert best.evidence["sigma_max_m"] > 8.0
+    assert abs(math.sin(best.evidence["degenerate_dir_rad"])) < 0.03
+    assert best.covariance[1, 1] - best.covariance[1, 5] ** 2 / best.covariance[5, 5] < 0.1**2  # across it is clear
+    assert best.covariance[5, 5] < math.radians(2.0) ** 2
+
+
+def test_too_little_wall_tells_no_covariance(grid_map_of: MakeMap) -> None:
+    stub = np.ones((40, 40), np.uint8)
+    stub[20, 12:26] = OCCUPIED
+    best = Carpin().match(grid_map_of(stub), grid_map_of(stub))[0]
+    assert best.covariance is None
+    assert "sigma_max_m" not in best.evidence and "degenerate_dir_rad" not in best.evidence
 
 
 def test_poses_with_hardly_any_overlap_are_left_out(grid_map_of: MakeMap) -> None:
