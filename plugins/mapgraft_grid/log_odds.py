@@ -19,7 +19,7 @@ from mapgraft_grid.map_type import OccupancyGrid
 from mapgraft_grid.quality import WindowQuality, window_quality
 from mapgraft_grid.region import GridRegion
 from mapgraft_grid.tiles import TileKeys
-from mapgraft_grid.weights import TileWeights
+from mapgraft_grid.weights import MOST, TileWeights
 
 Quality = Literal["windowed", "none"]
 
@@ -41,6 +41,11 @@ class LogOdds:
     The paper applies the update 0 to 3 times "depending on the quality differences of both map regions" and leaves
     open how; this rule and the windows are this project's own, and the default table was chosen on simulated worlds.
     All that was decided is frozen in the contribution.
+
+    Its summary tells ``tiles_applied_0`` … ``tiles_applied_3``, the tiles with so many applications;
+    ``cells_changed``, of which ``cells_filled`` lie in tiles that are not applied; and, where windows exist in which
+    both maps can be judged, their number ``windows_judged`` and the means over them weighted by wall,
+    ``quality_receiver`` and ``quality_donor``.
 
     Source: Andersone 2021, section 4.1; S. Thrun, W. Burgard and D. Fox, Probabilistic Robotics (2005), table 4.2.
     """
@@ -75,10 +80,12 @@ class LogOdds:
         placed = map_type.place(source.layer, T, match.scale)
         covered = map_type.region(placed)
         weights = TileWeights.plain()
+        judged: dict[str, float] = {}
         if self.quality == "windowed":
             measured_m = source.layer.lattice.resolution_m * match.scale
-            weights = self._weights(target, map_type.view(placed), covered.keys, measured_m)
+            weights, judged = self._weights(target, map_type.view(placed), covered.keys, measured_m)
         fill = _fillable(covered, weights, target)
+        region = covered if fill is None else covered.minus(_refused(covered, weights)).union(fill)
         return Contribution(
             provenance=source.provenance,
             layer=placed,
@@ -87,16 +94,20 @@ class LogOdds:
             resampler=map_type.resampler(source.layer, match.scale),
             weights=weights,
             fill=fill,
-            region=covered if fill is None else covered.minus(_refused(covered, weights)).union(fill),
+            region=region,
+            summary={**_applied(covered, weights), **_changed(region, fill), **judged},
         )
 
-    def _weights(self, own: GridMap, donor: GridMap, keys: TileKeys, measured_m: float) -> TileWeights:
+    def _weights(
+        self, own: GridMap, donor: GridMap, keys: TileKeys, measured_m: float
+    ) -> tuple[TileWeights, dict[str, float]]:
+        """How often each tile is applied, and the qualities on which that rests."""
         if own.is_empty or donor.is_empty:
-            return TileWeights.plain()
+            return TileWeights.plain(), {}
         ours, theirs = window_quality(own.dense()), window_quality(donor.dense(), measured_m)
         differences = shrunk(*tile_differences(ours, theirs, keys))
         counts = np.array([self.applications(d) for d in differences.tolist()], np.uint8)
-        return TileWeights(keys[counts != 1], counts[counts != 1])
+        return TileWeights(keys[counts != 1], counts[counts != 1]), joint_quality(ours, theirs)
 
 
 def tile_differences(
@@ -144,20 +155,54 @@ def shrunk(differences: NDArray[np.float64], wall_m: NDArray[np.float64]) -> NDA
     return out
 
 
+def joint_quality(ours: WindowQuality, theirs: WindowQuality) -> dict[str, float]:
+    """The mean quality of both maps over the windows in which both can be judged, and their number; {} without any.
+
+    Both must lie on one lattice.
+    """
+    a, b = _overlap(ours, theirs)
+    _, wall_m, _ = _joint_windows(ours, theirs)
+    judged = wall_m > 0
+    if not judged.any():
+        return {}
+    return {
+        "quality_receiver": float(np.average(ours.quality[a][judged], weights=wall_m[judged])),
+        "quality_donor": float(np.average(theirs.quality[b][judged], weights=wall_m[judged])),
+        "windows_judged": float(np.count_nonzero(judged)),
+    }
+
+
 def _joint_windows(
     ours: WindowQuality, theirs: WindowQuality
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], tuple[int, int]]:
     """Difference of quality and the lesser metres of wall, 0 where one cannot be judged, from a first block on."""
+    a, b = _overlap(ours, theirs)
+    difference = theirs.quality[b] - ours.quality[a]
+    judged = ~np.isnan(difference)
+    wall_m = np.where(judged, np.minimum(ours.wall_m[a], theirs.wall_m[b]), 0.0)
+    first_x, first_y = ours.layout.first_block
+    return np.where(judged, difference, 0.0), wall_m, (first_x + a[1].start, first_y + a[0].start)
+
+
+def _overlap(ours: WindowQuality, theirs: WindowQuality) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    """Where in the windows of the one and of the other the windows of both lie."""
     (ax, ay), (bx, by) = ours.layout.first_block, theirs.layout.first_block
     x, y = max(ax, bx), max(ay, by)
     height = max(0, min(ay + ours.quality.shape[0], by + theirs.quality.shape[0]) - y)
     width = max(0, min(ax + ours.quality.shape[1], bx + theirs.quality.shape[1]) - x)
     a = (slice(y - ay, y - ay + height), slice(x - ax, x - ax + width))
     b = (slice(y - by, y - by + height), slice(x - bx, x - bx + width))
-    difference = theirs.quality[b] - ours.quality[a]
-    judged = ~np.isnan(difference)
-    wall_m = np.where(judged, np.minimum(ours.wall_m[a], theirs.wall_m[b]), 0.0)
-    return np.where(judged, difference, 0.0), wall_m, (x, y)
+    return a, b
+
+
+def _applied(covered: GridRegion, weights: TileWeights) -> dict[str, float]:
+    """How many of the donor's tiles are applied 0, 1, 2 and 3 times."""
+    tiles = np.bincount(weights.of(covered.keys), minlength=MOST + 1)
+    return {f"tiles_applied_{count}": float(number) for count, number in enumerate(tiles.tolist())}
+
+
+def _changed(region: GridRegion, fill: GridRegion | None) -> dict[str, float]:
+    return {"cells_changed": float(len(region)), "cells_filled": 0.0 if fill is None else float(len(fill))}
 
 
 def _refused(covered: GridRegion, weights: TileWeights) -> GridRegion:

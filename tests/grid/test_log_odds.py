@@ -26,7 +26,7 @@ from mapgraft_grid.degradation import Degradation, degrade
 from mapgraft_grid.grid_map import OCCUPIED, UNKNOWN, DenseGrid, GridMap
 from mapgraft_grid.kernels.tile_keys import TILE, tile_key
 from mapgraft_grid.layer import GridLayer
-from mapgraft_grid.log_odds import BESIDE_WALL_M, CHANCE, LogOdds, shrunk, tile_differences
+from mapgraft_grid.log_odds import BESIDE_WALL_M, CHANCE, LogOdds, joint_quality, shrunk, tile_differences
 from mapgraft_grid.map_type import OccupancyGrid
 from mapgraft_grid.quality import WindowLayout, WindowQuality
 from mapgraft_grid.region import GridRegion
@@ -117,6 +117,42 @@ def test_the_contribution_says_what_was_done(worse_donor: Fused) -> None:
     assert grids.encode(contribution.layer) == grids.encode(grids.place(donor, Transform.identity()))  # unweighted
 
 
+def test_the_summary_tells_how_it_was_fused(worse_donor: Fused) -> None:
+    grids, _, _, made = worse_donor
+    told = dict(made.summary)
+    assert all(math.isfinite(value) for value in told.values())
+    keys = grids.region(made.layer).keys
+    for count in range(4):
+        assert told[f"tiles_applied_{count}"] == np.count_nonzero(made.weights.of(keys) == count)
+    assert told["tiles_applied_0"] > 3
+    assert made.fill is not None and told["cells_filled"] == len(made.fill) > 0
+    assert told["cells_changed"] == len(made.region) > told["cells_filled"]
+    assert 0.0 < told["quality_donor"] < told["quality_receiver"] < 1.0  # its poses are noisy
+    assert told["windows_judged"] > 10
+
+
+def test_the_summary_leaves_out_what_is_not_known(intel: list[Observation]) -> None:
+    grids = OccupancyGrid(resolution_m=0.1)
+    donation = Donation(layer_of(grids, intel[:10]), PROVENANCE)
+    empty, own = grids.view(None), grids.view(layer_of(grids, intel[:30]))
+    for fuser, target in ((LogOdds(), empty), (LogOdds(quality="none"), own)):
+        made = fuser.fuse(grids, target, donation, match_at())
+        tiles = {f"tiles_applied_{count}": 0.0 for count in range(4)} | {
+            "tiles_applied_1": float(made.region.keys.size)
+        }
+        assert made.summary == {**tiles, "cells_changed": float(len(made.region)), "cells_filled": 0.0}
+
+
+def test_joint_quality_is_that_where_both_can_be_judged() -> None:
+    layout = WindowLayout(10, (0, 0), (0, 0))
+    ours = WindowQuality(np.array([[0.5, 0.7, np.nan]]), np.array([[2.0, 6.0, 0.0]]), layout)
+    theirs = WindowQuality(np.array([[0.9, 0.1, 0.3]]), np.array([[3.0, 3.0, 9.0]]), WindowLayout(10, (-1, 0), (0, 0)))
+    # they meet in two windows: 0.5 with 0.1 on 2 m of wall, 0.7 with 0.3 on 6 m
+    told = joint_quality(ours, theirs)
+    assert told == pytest.approx({"quality_receiver": 0.65, "quality_donor": 0.25, "windows_judged": 2.0})
+    assert joint_quality(ours, WindowQuality(theirs.quality, theirs.wall_m, WindowLayout(10, (9, 9), (0, 0)))) == {}
+
+
 def test_fusing_is_repeatable_and_writes_nothing(intel: list[Observation]) -> None:
     grids = OccupancyGrid(resolution_m=0.1)
     own, donor = layer_of(grids, intel[:80]), layer_of(grids, list(degrade(intel[40:120], Degradation(0.2), 3)))
@@ -127,6 +163,7 @@ def test_fusing_is_repeatable_and_writes_nothing(intel: list[Observation]) -> No
     assert grids.encode(made[0].layer) == grids.encode(made[1].layer)
     assert np.array_equal(made[0].weights.keys, made[1].weights.keys)
     assert np.array_equal(made[0].weights.counts, made[1].weights.counts)
+    assert made[0].summary == made[1].summary
     assert (made[0].fill, made[0].region) == (made[1].fill, made[1].region)
 
 

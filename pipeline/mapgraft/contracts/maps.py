@@ -90,7 +90,8 @@ class Contribution:
     that metrics see the donor as it is. ``weights`` and ``fill`` say how it enters the fused view and are the type's
     own affair: for grids an application count 0–3 per tile, and the cells in which a weight of 0 still fills what the
     receiver does not know. ``T_receiver_donor`` is in fixed point (``Transform.snapped``), ``resampler`` names the
-    rule that placed the layer, ``region`` the units that the contribution changes in the fused view.
+    rule that placed the layer, ``region`` the units that the contribution changes in the fused view. ``summary`` holds
+    named numbers that tell how it was fused, shown in the events.
     """
 
     provenance: Provenance
@@ -102,6 +103,7 @@ class Contribution:
     fill: Region | None
     region: Region
     role: Role = "observation"
+    summary: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
