@@ -132,8 +132,7 @@ def run(
         with watch.stage("opening"):
             mission = stack.enter_context(open_mission(paths, checked, plugins=plugins))
             table = build_table(plugins, checked.rules)
-            provenance = provenance_of(paths, checked, plugins, table)
-            run_id = run_id_of(replace(provenance, config_text=essence_of(paths, checked, provenance.inputs)))
+            provenance, run_id = identify(paths, checked, plugins, table)
             fan = Fan(list(sinks))
             assembly = assemble(mission, checked, plugins, table, fan)  # before the folder is touched: it may refuse
         folder = None
@@ -145,7 +144,11 @@ def run(
         if folder is not None:
             _tell_costs(folder, watch, assembly.exchange.traffic.sent)
         start_ns, lost = mission.start_ns, tuple(mission.tally.sentences())
-        remarks = tuple(f"{robot.name}: {remark}" for robot in mission.robots for remark in robot.remarks)
+        remarks = [f"{robot.name}: {remark}" for robot in mission.robots for remark in robot.remarks]
+        remarks += [
+            f"the verdict '{verdict.action}' on {verdict.merge} was not needed: no such merge came up"
+            for verdict in assembly.hand.disregarded
+        ]
     return Result(
         run_id=run_id,
         folder=None if out is None else Path(out),
@@ -155,7 +158,7 @@ def run(
         traffic=dict(assembly.exchange.traffic.sent),
         start_ns=start_ns,
         lost=lost,
-        remarks=remarks,
+        remarks=tuple(remarks),
     )
 
 
@@ -213,6 +216,14 @@ def demo() -> tuple[list[Path], Path]:
         raise UsageError(f"the demo recording is not installed ({error}): name a recording") from None
     files, config, _expected = demo_files()
     return files, config
+
+
+def identify(
+    paths: Sequence[Path], config: Config, plugins: Plugins, table: DecisionTable
+) -> tuple[RunProvenance, str]:
+    """What a run is made of, and its id: the same for the same contents, whatever persons said of the outcome."""
+    provenance = provenance_of(paths, config, plugins, table)
+    return provenance, run_id_of(replace(provenance, config_text=essence_of(paths, config, provenance.inputs)))
 
 
 def provenance_of(

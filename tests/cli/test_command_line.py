@@ -91,6 +91,36 @@ def test_a_persons_verdict_is_replayed_and_kept(demo_out, tmp_path, capsys):
     assert code == 0
 
 
+def test_verdicts_become_labels_and_two_on_one_pair_both_hold(demo_out, tmp_path, capsys):
+    import shutil
+
+    import pyarrow.dataset as ds
+
+    out = tmp_path / "out"
+    shutil.copytree(demo_out, out)
+    for merge_id in ("alpha.bravo.2", "alpha.bravo.1"):
+        assert said(capsys, "revert", str(out), merge_id, "--by", "ann", "--json")[0] == 0
+    standing = json.loads((out / "summary.json").read_text())["merges"]
+    assert not [m for m in standing if m["merge_id"].startswith("alpha.bravo.") and m["state"] != "reverted"]
+    labels = ds.dataset(out / "labels", partitioning="hive").to_table().to_pylist()
+    assert {row["merge_id"] for row in labels} == {"alpha.bravo.1", "alpha.bravo.2"}
+
+
+def test_a_verdict_on_a_run_whose_recording_has_changed_is_refused(tmp_path, capsys):
+    import shutil
+
+    paths = [Path(shutil.copy(path, tmp_path)) for path in demo_files()[0][:2]]
+    out = tmp_path / "out"
+    assert said(capsys, "run", "-q", *map(str, paths), "-o", str(out), "--end", "60")[0] == 0
+    before = (out / "summary.json").read_bytes()
+    shutil.copy(paths[1], paths[0])
+    merge = json.loads(before)["merges"][0]["merge_id"]
+    code, text = wrong(capsys, "revert", str(out), merge)
+    assert code == 2
+    assert "have changed since" in text
+    assert (out / "summary.json").read_bytes() == before
+
+
 def test_verdicts_on_what_is_not_there(demo_out, tmp_path, capsys):
     assert wrong(capsys, "revert", str(tmp_path), "a.b.1") == (
         2, f"mapgraft: {tmp_path} is not the folder of a finished run: it has no readable mission.json\n"

@@ -6,12 +6,18 @@ import json
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from mapgraft.commands.overrides import parse_pair
 from mapgraft.commands.run import run_with_progress
 from mapgraft.commands.summary import as_json_summary, print_summary
 from mapgraft.config import Config, VerdictConfig
 from mapgraft.console import print_json
+from mapgraft.contracts import Transform
+from mapgraft.decision import build_table
 from mapgraft.errors import UsageError
+from mapgraft.job import identify
+from mapgraft.outputs.labels import label
 from mapgraft.plugins import load_plugins
 from mapgraft.remember import Remembered, recall
 
@@ -21,11 +27,23 @@ def pass_verdict(
 ) -> None:
     """Add a verdict to what the run remembers, and run again; raises UsageError when there is no such merge."""
     remembered = recall(out)
-    _check_merge(out, merge_id)
+    receiver, donor = _check_merge(out, merge_id)
     T = _judged(out, merge_id)
     verdict = VerdictConfig(merge=merge_id, action=action, by=by, reason=reason, T_receiver_donor=T)
     others = [known for known in remembered.config.verdicts if known.T_receiver_donor != T]
-    _again(out, remembered, remembered.config.model_copy(update={"verdicts": [*others, verdict]}), as_json=as_json)
+    config = remembered.config.model_copy(update={"verdicts": [*others, verdict]})
+    run_id = _again(out, remembered, config, as_json=as_json)
+    label(
+        out,
+        run_id,
+        merge_id=merge_id,
+        receiver=receiver,
+        donor=donor,
+        verdict="wrong" if action == "revert" else "right",
+        by=by,
+        reason=reason,
+        T_receiver_donor=Transform.from_matrix(np.reshape(T, (4, 4))),
+    )
 
 
 def forbid_pair(out: Path, merge: str, *, as_json: bool) -> None:
@@ -55,9 +73,22 @@ def _judged(out: Path, merge_id: str) -> list[float]:
     return [float(number) for number in found["T_receiver_donor"][-1].as_py()]
 
 
-def _again(out: Path, remembered: Remembered, config: Config, *, as_json: bool) -> None:
-    result = run_with_progress(remembered.files, config, out, load_plugins(), quiet=as_json)
+def _again(out: Path, remembered: Remembered, config: Config, *, as_json: bool) -> str:
+    """Run again and show what came of it; returns the run's id.
+
+    Raises UsageError when the run would no longer be the same one: a person judged what they saw.
+    """
+    plugins = load_plugins()
+    _, run_id = identify(remembered.files, config, plugins, build_table(plugins, config.rules))
+    earlier = json.loads((out / "summary.json").read_text(encoding="utf-8"))["run_id"]
+    if run_id != earlier:
+        raise UsageError(
+            f"the recordings, the configuration's files, mapgraft or its plugins have changed since {out} was made: "
+            "run again into a new folder and judge that"
+        )
+    result = run_with_progress(remembered.files, config, out, plugins, quiet=as_json)
     if as_json:
         print_json(as_json_summary(result))
     else:
         print_summary(result)
+    return result.run_id
