@@ -57,7 +57,7 @@ def certainty(target: Lattice, source: Lattice, T: Transform, search_m: float, s
     - what the search may miss, ``search_m`` and ``search_rad``.
 
     It is (6, 6) of x, y, z, roll, pitch, yaw in the target's frame; z, roll and pitch are zero. Cells of both must be
-    of one size.
+    of about one size.
     """
     rows, columns = np.nonzero(source.classes == OCCUPIED)
     step = 1 + rows.size // MOST_CELLS
@@ -95,7 +95,8 @@ def _spread(
 def _pairs(target: Lattice, source: Lattice, T: Transform, cells: NDArray[np.int64]) -> NDArray[np.float64]:
     """The rows of ``partners``, the pieces' places in the target's cells."""
     shift = (T.apply(source.origin_m[None])[0] - target.origin_m) / target.unit_m
-    c, s = math.cos(T.yaw_rad), math.sin(T.yaw_rad)
+    ratio = source.unit_m / target.unit_m  # turned and, where the cells differ a little, stretched
+    c, s = ratio * math.cos(T.yaw_rad), ratio * math.sin(T.yaw_rad)
     out: NDArray[np.float64] = partners(target.classes, source.classes, cells, OCCUPIED, c, s, shift[0], shift[1])
     return out
 
