@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -58,13 +58,14 @@ class Journal:
         merged = attempt.grafted is not None
         kind: Kind = "merged" if merged else "ambiguous" if attempt.verdict == "ambiguous" else "unmatched"
         T = attempt.grafted.comparison.T_receiver_donor if attempt.grafted else None
+        fusion = attempt.grafted.contribution.summary if attempt.grafted else {}
         self._record(
             kind,
             stamp_ns,
             provenance.source,
             **_of_donor(provenance),
             **_of_tools(tools),
-            **_of_match(attempt.match, T),
+            **_of_match(attempt.match, T, fusion),
             merge_id=merge_id,
             state="provisional" if merged else "candidate",
             reason=attempt.reason,
@@ -149,7 +150,9 @@ def _of_tools(tools: Tools) -> dict[str, Any]:
     }
 
 
-def _of_match(match: Match | None, T_receiver_donor: Transform | None) -> dict[str, Any]:
+def _of_match(
+    match: Match | None, T_receiver_donor: Transform | None, fusion: Mapping[str, float] | None = None
+) -> dict[str, Any]:
     if match is None:
         return {}
     return {
@@ -158,5 +161,5 @@ def _of_match(match: Match | None, T_receiver_donor: Transform | None) -> dict[s
         "covariance": match.covariance,
         "score": match.score,
         "margin": match.margin,
-        "evidence": match.evidence,
+        "evidence": {**match.evidence, **(fusion or {})},
     }
