@@ -15,7 +15,6 @@ COMPRESSIONS = frozenset({"", "none", "lz4", "zstd", "bz2"})
 ONE_SHOT_LIMIT = 1 << 28
 """Above this many bytes a claimed size is not trusted: the output grows as it comes."""
 
-_COSTLY = frozenset({"zstd", "bz2"})  # lz4 is as fast as the checksum
 _PIECE = 4096
 _DAMAGE = (zstandard.ZstdError, RuntimeError, OSError, ValueError, EOFError, MemoryError)
 _thread = threading.local()
@@ -24,7 +23,7 @@ _thread = threading.local()
 class Content(NamedTuple):
     """What a chunk holds: all of it, or (``damage`` says why) only what lies before the damage.
 
-    ``costly`` says that its compression is slow enough for another thread to be worth its while.
+    ``costly`` says that it had to be decompressed, which is worth another thread's while.
     """
 
     data: bytes | memoryview
@@ -48,7 +47,7 @@ def inflate(compression: str, packed: memoryview, size: int, crc: int = 0) -> Co
     if compression in ("", "none"):
         content = Content(packed, "" if len(packed) == size else "is shorter than it says")
     else:
-        content = _unpacked(compression, packed, size)._replace(costly=compression in _COSTLY)
+        content = _unpacked(compression, packed, size)._replace(costly=True)
     if not content.damage and crc and zlib.crc32(content.data) != crc:
         return content._replace(data=b"", damage="does not match its checksum")
     return content
