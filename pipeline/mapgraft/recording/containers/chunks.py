@@ -24,7 +24,7 @@ RESIDENT_BYTES = 32 << 20
 
 READERS = 2
 READ_AHEAD = 4
-"""How many threads decompress how many chunks ahead where that is slow; they let the interpreter go on meanwhile."""
+"""How many threads decompress how many chunks ahead; they let the interpreter go on meanwhile."""
 
 _MESSAGE_BYTES = 300  # about what a message and its view cost in memory
 _log_ns = attrgetter("log_ns")
