@@ -201,6 +201,7 @@ def test_convert(tmp_path, capsys):
         (["run", "--frobnicate"], 2, "No such option"),
         (["run", "--every", "x"], 2, "--every"),
         (["run", "/there/is/no.mcap"], 1, "/there/is/no.mcap does not exist"),
+        (["run", str(demo_files()[0][0]), str(demo_files()[0][0])], 1, "is given 2 times: name every file once"),
         (["run", "-c", "/there/is/no.yaml"], 2, "there is no file /there/is/no.yaml"),
         (["run", "--prior", "alpha,bravo=1,2"], 2, "--prior wants RECEIVER,DONOR=X,Y,YAW"),
         (["run", "--prior", "alpha,zulu=1,2,3"], 2, "there is no robot zulu: the recording has alpha, bravo, charlie"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
@@ -45,6 +46,9 @@ def call_roll(paths: Sequence[Path], config: Config, library: Library) -> Roster
     Raises RecordingError when a file cannot be read or a configured robot cannot be mapped, ConfigError when the
     configuration speaks of what is not there.
     """
+    for path, times in Counter(path.resolve() for path in paths).items():
+        if times > 1:
+            raise RecordingError(f"{path} is given {times} times: name every file once")
     paths = [*paths, *further_files(paths, config)]
     map_paths = [path for path in paths if library.format_of(path) is not None]
     glimpses = [library.look(path) for path in paths if path not in map_paths]
