@@ -187,7 +187,7 @@ def test_messages_hold_what_the_robot_knows(world: World) -> None:
     messages = list(ros_messages([robot], readings))
     counts = {topic: sum(m.topic == topic for m in messages) for topic in sorted({m.topic for m in messages})}
     assert counts == {"/alpha/odom": 31, "/alpha/scan": 6, "/tf": 31, "/tf_static": 1}
-    static = messages[0].fields["transforms"][0]  # type: ignore[index]
+    static = messages[0].fields["transforms"][0]
     assert static["transform"]["rotation"] == pytest.approx({"x": 1.0, "y": 0.0, "z": 0.0, "w": 0.0})
     for message in messages[1:]:
         assert message.stamp_ns >= START_NS
