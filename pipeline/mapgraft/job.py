@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -111,11 +111,13 @@ def run(
     *,
     plugins: Plugins | None = None,
     sinks: Sequence[Sink] = (),
+    opened: Callable[[int, int], None] | None = None,
 ) -> Result:
     """Replay recordings, merge the robots' maps, and write everything to the folder ``out`` if one is given.
 
     Without files the embedded demo recording is replayed; a single path is a list of one. ``config`` is a Config, a
-    mapping, or the path of a YAML or TOML file. ``sinks`` get everything that happens, too. Raises MapgraftError with
+    mapping, or the path of a YAML or TOML file. ``sinks`` get everything that happens, too;
+    ``opened`` is told the first and last stamp (ns) of what will be replayed. Raises MapgraftError with
     one sentence; what was decided before is on disk.
     """
     from mapgraft.outputs.run_folder import RunFolder
@@ -140,6 +142,8 @@ def run(
             folder = RunFolder(Path(out), stem(paths[0]), run_id, provenance, checked.output.scans)
             fan.sinks.append(stack.enter_context(folder))
             folder.keep(MISSION_FILE, remembered_text(paths, checked).encode())
+        if opened is not None:
+            opened(*_span_of(mission, checked))
         count = _replayed(mission, assembly, fan, watch)
         if folder is not None:
             _tell_costs(folder, watch, assembly.exchange.traffic.sent)
@@ -160,6 +164,14 @@ def run(
         lost=lost,
         remarks=tuple(remarks),
     )
+
+
+def _span_of(mission: Mission, config: Config) -> tuple[int, int]:
+    """The first and last stamp on the mission's timeline that the configuration lets through."""
+    start_s, end_s = config.mission.start_s or 0.0, config.mission.end_s
+    start_ns = mission.start_ns + round(start_s * 1e9)
+    end_ns = mission.end_ns if end_s is None else min(mission.end_ns, mission.start_ns + round(end_s * 1e9))
+    return start_ns, end_ns
 
 
 def _replayed(mission: Mission, assembly: Assembly, sink: Sink, watch: Stopwatch) -> int:

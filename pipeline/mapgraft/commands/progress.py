@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import time
 from types import TracebackType
 from typing import Self
 
-from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
-from rich.text import Text
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from mapgraft.console import remarks
 from mapgraft.contracts import Observation
@@ -15,33 +15,28 @@ from mapgraft.events import Event, Snapshot
 REFRESH_EVERY = 16  # observations between two updates of the bar: drawing must not cost more than mapping
 
 
-class Rate(ProgressColumn):
-    """Observations per second."""
-
-    def render(self, task: Task) -> Text:
-        speed = task.finished_speed or task.speed
-        return Text("" if speed is None else f"{speed:,.0f} scans/s", style="dim")
-
-
 class ProgressSink:
-    """A sink that draws a bar on stderr: observations, their rate, the time left, merges so far."""
+    """A sink that draws a bar on stderr: share of data time replayed, scans per second, time left, merges so far."""
 
-    def __init__(self, total: int | None, *, quiet: bool) -> None:
+    def __init__(self, *, quiet: bool) -> None:
         console = remarks()
         self._bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
-            TextColumn("{task.completed:,.0f}" + (f"/{total:,}" if total else "")),
-            Rate(),
+            TaskProgressColumn(),
+            TextColumn("{task.fields[rate]}", style="dim"),
             TimeRemainingColumn(),
             TextColumn("{task.fields[merges]}"),
             console=console,
             transient=True,
         )
         # The first observation waits for the kernels, which are compiled once per machine and then kept.
-        self._task = self._bar.add_task("starting (kernels compile on first use)", total=total, merges="")
-        self._count = self._made = self._reverted = 0
+        waiting = "starting (kernels compile on first use)"
+        self._task = self._bar.add_task(waiting, total=None, merges="", rate="")
         self._quiet = quiet or not console.is_terminal
+        self._count = self._made = self._reverted = 0
+        self._start_ns = 0
+        self._began_s = time.monotonic()
 
     def __enter__(self) -> Self:
         if not self._quiet:
@@ -54,12 +49,20 @@ class ProgressSink:
         if not self._quiet:
             self._bar.stop()
 
+    def spans(self, start_ns: int, end_ns: int) -> None:
+        """The data time that will be replayed."""
+        self._start_ns = start_ns
+        self._bar.update(self._task, total=max(1, end_ns - start_ns))
+
     def observed(self, observation: Observation) -> None:
         self._count += 1
         if self._count == 1:
+            self._began_s = time.monotonic()
             self._bar.update(self._task, description="replaying")
         if self._count % REFRESH_EVERY == 0:
-            self._bar.update(self._task, completed=self._count)
+            rate = self._count / max(time.monotonic() - self._began_s, 1e-3)
+            done_ns = observation.stamp_ns - self._start_ns
+            self._bar.update(self._task, completed=done_ns, rate=f"{self._count:,} scans, {rate:,.0f}/s")
 
     def happened(self, event: Event) -> None:
         self._made += event.kind == "merged"

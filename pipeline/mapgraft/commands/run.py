@@ -44,5 +44,5 @@ def run_and_show(
 
 def run_with_progress(files: Sequence[Path], config: Config, out: Path, plugins: Plugins, *, quiet: bool) -> Result:
     """Run with a bar on stderr."""
-    with ProgressSink(None, quiet=quiet) as progress:
-        return run(files, config, out, plugins=plugins, sinks=[progress])
+    with ProgressSink(quiet=quiet) as progress:
+        return run(files, config, out, plugins=plugins, sinks=[progress], opened=progress.spans)
