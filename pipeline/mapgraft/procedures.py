@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -69,12 +70,24 @@ def blaming(tools: Tools) -> Iterator[None]:
         raise PluginError(f"rule {tools.rule.name!r} ({uses}, metrics {metrics}) failed: {what}") from error
 
 
+def _parts(rule: Rule) -> list[tuple[PluginKind, str, Mapping[str, object]]]:
+    """What a rule with a procedure needs: kind, name and parameters of each tool."""
+    procedure = rule.procedure
+    parts: list[tuple[PluginKind, str, Mapping[str, object]]] = [
+        ("matcher", procedure.match.use, procedure.match.parameters),
+        ("acceptor", procedure.accept.use, procedure.accept.parameters),
+        ("fuser", procedure.fuse.use, procedure.fuse.parameters),
+        ("verifier", procedure.verify.use, procedure.verify.parameters),
+    ]
+    return parts + [("metric", name, rule.metrics.get(name, {})) for name in procedure.metric_names]
+
+
 @dataclass(slots=True)
 class Workshop:
     """Makes tools, map types and conversions from the installed plugins."""
 
     plugins: Plugins
-    _made: dict[str, Tools] = field(default_factory=dict)
+    _made: dict[tuple[PluginKind, str, str], object] = field(default_factory=dict)
     _map_types: dict[str, MapType] = field(default_factory=dict)
 
     def prepare(self, table: DecisionTable) -> None:
@@ -91,18 +104,10 @@ class Workshop:
             raise ConfigError("\n".join(faults))
 
     def _faults(self, rule: Rule) -> list[str]:
-        procedure = rule.procedure
-        parts: list[tuple[PluginKind, str, Mapping[str, object]]] = [
-            ("matcher", procedure.match.use, procedure.match.parameters),
-            ("acceptor", procedure.accept.use, procedure.accept.parameters),
-            ("fuser", procedure.fuse.use, procedure.fuse.parameters),
-            ("verifier", procedure.verify.use, procedure.verify.parameters),
-        ]
-        parts += [("metric", name, rule.metrics.get(name, {})) for name in procedure.metric_names]
         faults = []
-        for kind, name, parameters in parts:
+        for kind, name, parameters in _parts(rule):
             try:
-                self._make(kind, name, parameters)
+                self._tool(kind, name, parameters)
             except ConfigError as error:
                 faults.append(str(error))
             except PluginError:
@@ -111,21 +116,23 @@ class Workshop:
 
     def tools(self, rule: Rule) -> Tools:
         """The tools of a rule that has a procedure; raises PluginError or ConfigError when one cannot be made."""
-        if rule.name not in self._made:
-            procedure = rule.procedure
-            metrics = {
-                name: cast("Metric", self._make("metric", name, rule.metrics.get(name, {})))
-                for name in procedure.metric_names
-            }
-            self._made[rule.name] = Tools(
-                procedure,
-                cast("Matcher", self._make("matcher", procedure.match.use, procedure.match.parameters)),
-                cast("Acceptor", self._make("acceptor", procedure.accept.use, procedure.accept.parameters)),
-                cast("Fuser", self._make("fuser", procedure.fuse.use, procedure.fuse.parameters)),
-                metrics,
-                cast("Verifier", self._make("verifier", procedure.verify.use, procedure.verify.parameters)),
-            )
-        return self._made[rule.name]
+        made = {(kind, name): self._tool(kind, name, parameters) for kind, name, parameters in _parts(rule)}
+        procedure = rule.procedure
+        return Tools(
+            procedure,
+            cast("Matcher", made["matcher", procedure.match.use]),
+            cast("Acceptor", made["acceptor", procedure.accept.use]),
+            cast("Fuser", made["fuser", procedure.fuse.use]),
+            {name: cast("Metric", made["metric", name]) for name in procedure.metric_names},
+            cast("Verifier", made["verifier", procedure.verify.use]),
+        )
+
+    def _tool(self, kind: PluginKind, name: str, parameters: Mapping[str, object]) -> object:
+        """One tool, made once for all rules that want it with the same parameters."""
+        key = (kind, name, json.dumps(parameters, sort_keys=True, default=str))
+        if key not in self._made:
+            self._made[key] = self._make(kind, name, parameters)
+        return self._made[key]
 
     def new_map_type(self, name: str, parameters: Mapping[str, object]) -> MapType:
         """A map type for one robot, with its parameters."""

@@ -6,6 +6,7 @@ import pytest
 
 from mapgraft.contracts import DecisionTableError, MapMetadata
 from mapgraft.decision import build_table, facts_of, parse_rules
+from mapgraft.procedures import Workshop
 
 PROCEDURE = (
     "match: {use: slide}, accept: {use: first_one}, fuse: {use: sum}, verify: {use: at_most, metrics: [disagreement]}"
@@ -111,3 +112,13 @@ def test_types_that_a_procedure_cannot_take(plugins, tmp_path):
     grid, beacons = MapMetadata("occupancy_grid"), MapMetadata("beacons")
     assert "the matcher 'slide' takes beacons, not occupancy_grid" in table.choose(facts_of(grid, grid)).reason
     assert "there is no conversion from occupancy_grid to beacons" in table.choose(facts_of(beacons, grid)).reason
+
+
+def test_rules_of_one_name_keep_their_own_tools_and_equal_tools_are_made_once(plugins, tmp_path):
+    text = "".join(
+        f"- {{name: r, {PROCEDURE.replace('use: first_one', f'use: first_one, least: {least}')}}}\n" for least in (2, 9)
+    )
+    workshop = Workshop(plugins)
+    one, other = (workshop.tools(record.rule) for record in table_of(plugins, tmp_path, text).records)
+    assert (one.acceptor.least, other.acceptor.least) == (2, 9)
+    assert one.matcher is other.matcher
