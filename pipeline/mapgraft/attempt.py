@@ -135,7 +135,7 @@ class Attempts:
 
     def _candidate(self, tools: Tools, meeting: Meeting, match: Match) -> Candidate:
         T = match.T_receiver_donor.snapped()
-        compared = Compared(meeting.map_type, "own", T, _place(meeting, match), meeting.sight)
+        compared = Compared(meeting.map_type, "own", T, match, _place(meeting, match), meeting.sight)
         return Candidate(match, {name: metric.track(compared).update(Step()) for name, metric in tools.metrics.items()})
 
     def _graft(self, tools: Tools, meeting: Meeting, match: Match) -> Grafted:
@@ -143,7 +143,7 @@ class Attempts:
         placed = contribution.layer if meeting.map_type is self.own_type else _place(meeting, match)
         T = contribution.T_receiver_donor
         sight, subject = meeting.sight, self.reversal.subject
-        compared = Compared(meeting.map_type, subject, T, placed, sight, converted=sight.conversion is not None)
+        compared = Compared(meeting.map_type, subject, T, match, placed, sight, converted=sight.conversion is not None)
         return Grafted(match, contribution, compared)
 
     def _meet(self, donation: Donation, via: str | None) -> Meeting:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from mapgraft.contracts import Conversion, Layer, Map, MapType, Transform
+from mapgraft.contracts import Conversion, Layer, Map, MapType, Match, Transform
 from mapgraft.reversal import Reversal
 
 
@@ -17,6 +17,7 @@ class Compared:
     map_type: MapType
     subject: Literal["own", "merged"]
     T_receiver_donor: Transform
+    match: Match
     donor_layer: Layer
     see: Callable[[], tuple[Layer, Map]]
     converted: bool = False  # whether the receiver's map is converted to be compared
@@ -36,9 +37,9 @@ class Compared:
             self._donor = self.map_type.view(self.donor_layer)
         return self._donor
 
-    def put_donor(self, layer: Layer, T_receiver_donor: Transform) -> None:
+    def put_donor(self, layer: Layer, T_receiver_donor: Transform, match: Match) -> None:
         """A newer version of the donor's layer, or a better transform."""
-        self.donor_layer, self.T_receiver_donor, self._donor = layer, T_receiver_donor, None
+        self.donor_layer, self.T_receiver_donor, self.match, self._donor = layer, T_receiver_donor, match, None
 
 
 @dataclass(slots=True)

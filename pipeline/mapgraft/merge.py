@@ -88,7 +88,7 @@ class Merge:
         The history goes on: what the donor has newly mapped tests the transform as much as what the receiver has.
         """
         self.provenance = provenance
-        self.comparison.put_donor(comparison.donor_layer, comparison.T_receiver_donor)
+        self.comparison.put_donor(comparison.donor_layer, comparison.T_receiver_donor, comparison.match)
         for watch in self._watches.values():
             watch.everything = watch.donor_changed = True
 

@@ -42,13 +42,14 @@ class Compared:
     donor: GridMap
     donor_layer: GridLayer
     T_receiver_donor: Transform
+    match: Match
     subject: Literal["own", "merged"] = "own"
 
 
 def candidate(grids: OccupancyGrid, layer: GridLayer, own: GridMap, donor: GridLayer, match: Match) -> Candidate:
     T = match.T_receiver_donor.snapped()
     placed = grids.place(donor, T)
-    compared = Compared(grids, own, layer, grids.view(placed), placed, T)
+    compared = Compared(grids, own, layer, grids.view(placed), placed, T, match)
     measured: list[Measurement] = [m.track(compared).update(Step()) for m in (Similarity(), Distance())]
     return Candidate(match, {m.name: m for m in measured})
 

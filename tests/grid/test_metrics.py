@@ -16,7 +16,18 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_cdt
 
-from mapgraft.contracts import ConfigError, Layer, Map, MapError, MapType, Measurement, Observation, Step, Transform
+from mapgraft.contracts import (
+    ConfigError,
+    Layer,
+    Map,
+    MapError,
+    MapType,
+    Match,
+    Measurement,
+    Observation,
+    Step,
+    Transform,
+)
 from mapgraft_grid.distance import Distance, distance_maps
 from mapgraft_grid.grid_map import FREE, OCCUPIED, GridMap
 from mapgraft_grid.map_type import OccupancyGrid
@@ -39,6 +50,7 @@ class Pair:
     target_layer: Layer = dataclasses.field(default_factory=GRIDS.new_layer)
     donor_layer: Layer = dataclasses.field(default_factory=GRIDS.new_layer)
     T_receiver_donor: Transform = dataclasses.field(default_factory=Transform.identity)
+    match: Match = dataclasses.field(default_factory=lambda: Match(Transform.identity(), 1.0, 1.0))
 
 
 @dataclass(frozen=True, slots=True)

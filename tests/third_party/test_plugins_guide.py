@@ -18,7 +18,7 @@ import pytest
 
 from mapgraft import contracts, hooks
 from mapgraft.comparison import Compared
-from mapgraft.contracts import Comparison, Descriptor, MapType, Metric, Step, Transform
+from mapgraft.contracts import Comparison, Descriptor, MapType, Match, Metric, Step, Transform
 from mapgraft.decision import Rule, parse_rules
 from mapgraft.plugins import Origin, Plugins, load_plugin, load_plugins
 
@@ -98,10 +98,11 @@ def test_the_first_plugin_measures(first_plugin: Path, monkeypatch: pytest.Monke
     metric = typing.cast("Metric", plugins.make("metric", "donor_gain"))
     kind = beacons.Beacons()
     own, donor = kind.decode(b"[[1, 2], [3, 1]]"), kind.decode(b"[[1, 1], [2, 1], [7, 4]]")
-    compared: Comparison = Compared(kind, "own", Transform.identity(), donor, lambda: (own, kind.view(own)))
+    here = Match(Transform.identity(), 2.0, 1.0)
+    compared: Comparison = Compared(kind, "own", Transform.identity(), here, donor, lambda: (own, kind.view(own)))
     measured = metric.track(compared).update(Step())
     assert (measured.value, measured.support, measured.sufficient) == (1.5, 2, True)
-    nothing: Comparison = Compared(kind, "own", Transform.identity(), donor, lambda: (own, kind.view(None)))
+    nothing: Comparison = Compared(kind, "own", Transform.identity(), here, donor, lambda: (own, kind.view(None)))
     assert not metric.track(nothing).update(Step()).sufficient
 
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from mapgraft.contracts.geometry import Transform
 from mapgraft.contracts.maps import Layer, Map, MapType, Region
 from mapgraft.contracts.observations import Observation
+
+if TYPE_CHECKING:
+    from mapgraft.contracts.merging import Match
 
 
 class Comparison(Protocol):
@@ -35,6 +38,14 @@ class Comparison(Protocol):
 
     @property
     def T_receiver_donor(self) -> Transform: ...
+    @property
+    def match(self) -> Match:
+        """The hypothesis that placed the donor, with its score, margin, covariance and evidence.
+
+        Its transform is ``T_receiver_donor`` before it was put into fixed point.
+        """
+        ...
+
     @property
     def subject(self) -> Literal["own", "merged"]: ...
 

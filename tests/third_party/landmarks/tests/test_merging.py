@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -22,6 +22,7 @@ from mapgraft.contracts import (
     Donation,
     EmptyMapError,
     MapError,
+    Match,
     Observation,
     Prior,
     Provenance,
@@ -173,6 +174,7 @@ class Pair:
     donor_layer: LandmarkLayer
     map_type: PointLandmarks = TYPE
     T_receiver_donor: Transform = HERE
+    match: Match = field(default_factory=lambda: Match(HERE, 1.0, 1.0))
     subject: Literal["own", "merged"] = "own"
 
     @property
