@@ -25,6 +25,7 @@ METHODS: Mapping[PluginKind, tuple[str, ...]] = {
         "encode",
         "decode",
         "metadata",
+        "structure",
     ),
     "matcher": ("match",),
     "acceptor": ("accept",),

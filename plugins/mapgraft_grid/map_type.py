@@ -21,6 +21,7 @@ from mapgraft.contracts import (
     MapMetadata,
     Observation,
     OutputMessage,
+    Points,
     Region,
     Reset,
     Scan,
@@ -42,6 +43,7 @@ from mapgraft_grid.parameters import (
     log_odds,
 )
 from mapgraft_grid.region import GridRegion
+from mapgraft_grid.structure import known_at, occupied_centres
 
 _MOST_NATS: Final = 10.0  # of one look: 65 535 of them fit the evidence of one source
 _MOST_CLAMP: Final = 31.0  # nats: what fits int16
@@ -204,6 +206,11 @@ class OccupancyGrid:
             quality=_quality(seen),
             can_send=("counts", *traces),
         )
+
+    def structure(self, map_: Map, within: Map | None = None) -> Points:
+        """The centres of occupied cells (n, 2); ``within`` may have another resolution."""
+        centres = occupied_centres(_map(map_))
+        return centres if within is None else centres[known_at(_map(within), centres)]
 
     def messages(self, map_: Map) -> Iterable[OutputMessage]:
         """One ``nav_msgs/msg/OccupancyGrid`` of the known cells: -1 without evidence, else the probability in percent.

@@ -10,6 +10,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from mapgraft.contracts import (
     Candidate,
     Comparison,
@@ -144,6 +146,10 @@ class Beacons:
     def metadata(self, layer: Heard) -> MapMetadata:
         evidence = layer.evidence()
         return MapMetadata(BEACONS, known_area_m2=float(len(evidence)), observations=sum(map(abs, evidence.values())))
+
+    def structure(self, map_: Chart, within: Chart | None = None) -> np.ndarray:
+        heard = [at for at, n in map_.counts.items() if n > 0 and (within is None or at in within.counts)]
+        return np.array([(at, 0.0) for at in heard]).reshape(-1, 2)
 
     def messages(self, map_: Chart) -> Iterable[OutputMessage]:
         return [OutputMessage("map", "std_msgs/msg/String", {"data": json.dumps(list(map_.counts.items()))})]

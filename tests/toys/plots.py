@@ -18,6 +18,7 @@ from mapgraft.contracts import (
     Measurement,
     Observation,
     OutputMessage,
+    Points,
     Region,
     Reset,
     Transform,
@@ -127,6 +128,11 @@ class PlotType:
             can_send=("cells",),
             extra={"colour": "green", "depth": 2.5, "wet": False},
         )
+
+    def structure(self, map_: Map, within: Map | None = None) -> Points:
+        known = _plot(map_ if within is None else within).cells
+        cells = [cell for cell, value in _plot(map_).cells.items() if value and cell in known]
+        return (np.array(cells, np.float64).reshape(-1, 2) + 0.5) * RESOLUTION_M
 
     def messages(self, map_: Map) -> Iterable[OutputMessage]:
         grid, (x0, y0) = _raster(map_)

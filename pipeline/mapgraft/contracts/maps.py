@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, Protocol, Self
 
-from mapgraft.contracts.geometry import Transform
+from mapgraft.contracts.geometry import Points, Transform
 from mapgraft.contracts.observations import Observation
 
 
@@ -225,6 +225,14 @@ class MapType(Protocol):
         ...
 
     def metadata(self, layer: Layer) -> MapMetadata: ...
+
+    def structure(self, map_: Map, within: Map | None = None) -> Points:
+        """Where in the map something stands: (n, 2) or (n, 3) metres in the map's frame, in an order of the map's own.
+
+        For grids the centres of occupied cells: what is free is no structure. With ``within``, a map in the same frame,
+        only what lies where that map knows something. Tells how far a map is displaced, and how much of it is new.
+        """
+        ...
 
     def messages(self, map_: Map) -> Iterable[OutputMessage]:
         """How viewers see the map."""

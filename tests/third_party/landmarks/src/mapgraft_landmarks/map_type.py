@@ -18,6 +18,7 @@ from mapgraft.contracts import (
     MapMetadata,
     Observation,
     OutputMessage,
+    Points,
     Region,
     Reset,
     Scan,
@@ -165,6 +166,10 @@ class PointLandmarks:
             quality=quality,
             extra={"landmarks": len(landmarks)},
         )
+
+    def structure(self, map_: Map, within: Map | None = None) -> Points:
+        standing = as_map(map_).landmarks.positions_m
+        return standing if within is None else standing[as_map(within).looks_at(standing) > 0]
 
     def messages(self, map_: Map) -> Iterable[OutputMessage]:
         return (point_cloud(as_map(map_)),)
