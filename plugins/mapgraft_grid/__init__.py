@@ -81,3 +81,12 @@ def register_formats(register: Register) -> None:
             gives=GRID_MESSAGE,
         )
     )
+    register(
+        Descriptor(
+            "image",
+            "mapgraft_grid.image_map:read",
+            "grids as bare images in grays, with the side of a pixel told beside (resolution_m)",
+            accepts=(".png", ".pgm", ".bmp", ".tif", ".tiff"),
+            gives=GRID_MESSAGE,
+        )
+    )

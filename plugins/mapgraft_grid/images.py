@@ -14,17 +14,20 @@ from mapgraft.contracts import MapError
 
 _TOKEN: Final = re.compile(rb"(?:\s|#[^\n]*\n)*([0-9]+)")
 _PNG: Final = b"\x89PNG\r\n\x1a\n"
+_TINT: Final = 0.125  # of the largest value: how far the colours of a gray may lie apart
 
 
 class Gray(NamedTuple):
     """An image, top row first: the mean of its colours scaled to 0 … 255, and the same rounded, and where it is opaque.
 
-    ``levels`` (h, w) float64, ``raw`` (h, w) uint8, ``opaque`` (h, w) bool.
+    ``levels`` (h, w) float64, ``raw`` (h, w) uint8, ``opaque`` (h, w) bool. ``coloured`` is the share of the pixels
+    whose colours differ so much that a person would not call them gray.
     """
 
     levels: NDArray[np.float64]
     raw: NDArray[np.uint8]
     opaque: NDArray[np.bool_]
+    coloured: float = 0.0
 
 
 def read_gray(path: Path, most_pixels: int) -> Gray:
@@ -96,7 +99,9 @@ def _decoded(name: str, data: bytes, most_pixels: int) -> Gray:
     if colours.shape[2] in (2, 4):
         opaque = np.asarray(colours[..., -1] == largest)
         colours = colours[..., :-1]
-    return _gray(colours.mean(axis=2) * (255.0 / largest), opaque)
+    spread = colours.max(axis=2) - colours.min(axis=2)
+    coloured = float(np.count_nonzero(opaque & (spread > _TINT * largest))) / spread.size
+    return _gray(colours.mean(axis=2) * (255.0 / largest), opaque)._replace(coloured=coloured)
 
 
 def _require_size(name: str, width: int, height: int, most_pixels: int) -> None:
