@@ -1,0 +1,173 @@
+"""Two ready maps through the engine: the decision table, the rule's matcher, metrics and acceptor, and the fuser."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+from mapgraft.attempt import Attempt, Attempts
+from mapgraft.contracts import (
+    Acceptor,
+    Candidate,
+    Decision,
+    Donation,
+    Map,
+    Match,
+    Matcher,
+    Measurement,
+    Prior,
+    Provenance,
+)
+from mapgraft.decision import DecisionTable, Ruling, build_table, facts_of
+from mapgraft.errors import PluginError, UsageError
+from mapgraft.matching.ready_map import ReadyMap
+from mapgraft.plugins import Plugins
+from mapgraft.procedures import Tools, Workshop
+
+Outcome = Literal["provisional", "ambiguous", "unmatched", "rejected"]
+MERGE_ID = "a.b.1"
+_EPOCH = _VERSION = 1  # a file is one observation in the one life of its map frame
+_ANYWHERE_M = (0.0, 0.0)  # only tells which reverted transforms are the same place, and none was reverted
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypothesis:
+    """One of the matcher's; ``measurements`` is None where the rule looks only at better ones."""
+
+    match: Match
+    measurements: Sequence[Measurement] | None
+    accepted: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pairing:
+    """What came of matching b's map to a's. ``hypotheses`` come best first; ``merged`` is there when one was accepted.
+
+    ``match_s`` is what the matcher took and ``elapsed_s`` everything between the two maps and the verdict.
+    """
+
+    a: ReadyMap
+    b: ReadyMap
+    ruling: Ruling
+    verdict: Outcome
+    reason: str
+    hypotheses: tuple[Hypothesis, ...] = ()
+    merged: Map | None = None
+    match_s: float = 0.0
+    elapsed_s: float = 0.0
+
+    @property
+    def accepted(self) -> Hypothesis | None:
+        """The hypothesis that was accepted."""
+        return next((hypothesis for hypothesis in self.hypotheses if hypothesis.accepted), None)
+
+    @property
+    def best(self) -> Hypothesis | None:
+        """The accepted hypothesis, else the matcher's first."""
+        return self.accepted or (self.hypotheses[0] if self.hypotheses else None)
+
+
+@dataclass(slots=True)
+class _Witness:
+    """Stands in for a rule's matcher and acceptor, asks them, and remembers what they said."""
+
+    matcher: Matcher
+    acceptor: Acceptor
+    found: Sequence[Match] = ()
+    candidates: Sequence[Candidate] = ()
+    decision: Decision | None = None
+    match_s: float = 0.0
+
+    def match(self, target: Map, source: Map, prior: Prior | None = None) -> Sequence[Match]:
+        began_s = time.perf_counter()
+        try:
+            self.found = self.matcher.match(target, source, prior)
+        finally:
+            self.match_s = time.perf_counter() - began_s
+        return self.found
+
+    def accept(self, candidates: Sequence[Candidate]) -> Decision:
+        self.candidates, self.decision = candidates, None
+        self.decision = self.acceptor.accept(candidates)
+        return self.decision
+
+    def hypotheses(self, attempt: Attempt) -> tuple[Hypothesis, ...]:
+        """All that the matcher found, with what was measured of them."""
+        measured = {id(candidate.match): candidate.measurements for candidate in self.candidates}
+        chosen = attempt.grafted.match if attempt.grafted else None
+        return tuple(
+            Hypothesis(match, tuple(measured[id(match)].values()) if id(match) in measured else None, match is chosen)
+            for match in self.found
+        )
+
+
+@dataclass(slots=True)
+class Pairer:
+    """Matches ready maps by a decision table, and remembers for each receiver what can be used again."""
+
+    workshop: Workshop
+    table: DecisionTable
+    _attempts: dict[int, tuple[ReadyMap, Attempts]] = field(default_factory=dict)
+
+    def pair(self, a: ReadyMap, b: ReadyMap, *, fuse: bool = True) -> Pairing:
+        """Match b's map to a's, which receives it; without ``fuse`` no merged map is made.
+
+        Raises PluginError when a plugin fails, ConfigError when a rule and its tools do not fit together.
+        """
+        began_s = time.perf_counter()
+        ruling = self.table.choose(facts_of(a.metadata, b.metadata))
+        if ruling.rule is None or ruling.rejected:
+            return Pairing(a, b, ruling, "rejected", ruling.reason)
+        tools = self.workshop.tools(ruling.rule)
+        witness = _Witness(tools.matcher, tools.acceptor)
+        watched = dataclasses.replace(tools, matcher=witness, acceptor=witness)
+        attempt = self._attempt(watched, a, b)
+        elapsed_s = time.perf_counter() - began_s
+        return Pairing(
+            a,
+            b,
+            ruling,
+            attempt.verdict,
+            attempt.reason,
+            witness.hypotheses(attempt),
+            _merged(a, attempt) if fuse else None,
+            witness.match_s,
+            elapsed_s,
+        )
+
+    def _attempt(self, tools: Tools, a: ReadyMap, b: ReadyMap) -> Attempt:
+        donation = Donation(b.layer, Provenance(b.name, _EPOCH, _VERSION))
+        return self._attempts_of(a).make(tools, donation, None, _ANYWHERE_M)
+
+    def _attempts_of(self, a: ReadyMap) -> Attempts:
+        known = self._attempts.get(id(a))
+        if known is None:
+            known = self._attempts[id(a)] = (a, Attempts(self.workshop, a.map_type, a.ledger))
+        return known[1]
+
+
+def _merged(a: ReadyMap, attempt: Attempt) -> Map | None:
+    """The receiver's map with the donor's in it; its ledger is as before when this returns."""
+    if attempt.grafted is None:
+        return None
+    a.ledger.merge(MERGE_ID, attempt.grafted.contribution)
+    fused = a.ledger.fused()
+    a.ledger.revert(MERGE_ID)
+    return fused
+
+
+def with_matcher(table: DecisionTable, name: str, plugins: Plugins) -> DecisionTable:
+    """The table with one matcher in the place of every procedure's own, with that matcher's default parameters.
+
+    Raises UsageError when there is no such matcher.
+    """
+    try:
+        plugins.find("matcher", name)
+    except PluginError as error:
+        raise UsageError(str(error)) from None
+    rules = [record.rule for record in table.records if record.lacking is None]
+    changed = [rule.model_dump() | ({} if rule.match is None else {"match": {"use": name}}) for rule in rules]
+    return build_table(plugins, changed)
