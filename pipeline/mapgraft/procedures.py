@@ -22,6 +22,7 @@ METHODS: Mapping[PluginKind, tuple[str, ...]] = {
         "absorb",
         "reset",
         "region",
+        "known_region",
         "encode",
         "decode",
         "metadata",

@@ -43,7 +43,7 @@ from mapgraft_grid.parameters import (
     log_odds,
 )
 from mapgraft_grid.region import GridRegion
-from mapgraft_grid.structure import known_at, occupied_centres
+from mapgraft_grid.structure import known_at, known_cells, occupied_centres
 
 _MOST_NATS: Final = 10.0  # of one look: 65 535 of them fit the evidence of one source
 _MOST_CLAMP: Final = 31.0  # nats: what fits int16
@@ -180,6 +180,9 @@ class OccupancyGrid:
 
     def region(self, layer: Layer) -> GridRegion:
         return baking.touched(_grid(layer))
+
+    def known_region(self, map_: Map) -> GridRegion:
+        return known_cells(_map(map_))
 
     def encode(self, layer: Layer) -> bytes:
         return codec.encode(_grid(layer))

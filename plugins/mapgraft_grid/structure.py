@@ -1,4 +1,4 @@
-"""Where the walls of a grid are: the centres of its occupied cells."""
+"""Where the walls of a grid are, which are the centres of its occupied cells, and which cells it knows."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from mapgraft.contracts import Points
 from mapgraft_grid.grid_map import GridMap
 from mapgraft_grid.kernels.tile_keys import KEY_BIAS, KEY_BITS, TILE, tile_x, tile_y
+from mapgraft_grid.region import GridRegion
 
 
 def occupied_centres(grid: GridMap) -> Points:
@@ -22,6 +23,16 @@ def occupied_centres(grid: GridMap) -> Points:
     return centres
 
 
+def known_cells(grid: GridMap) -> GridRegion:
+    """The cells that are free or occupied."""
+    keys = [key for key, tile in grid.tiles.items() if tile.known]
+    if not keys:
+        return GridRegion.empty(grid.lattice)
+    known = _is_known(grid, np.stack([grid.tiles[key].log_odds for key in keys]))
+    rows = np.packbits(known, axis=2, bitorder="little").view(np.uint64)[:, :, 0]
+    return GridRegion(grid.lattice, np.array(keys, np.int64), np.ascontiguousarray(rows))
+
+
 def known_at(grid: GridMap, points_m: Points) -> NDArray[np.bool_]:
     """Whether the cells (n,) in which the points (n, 2) lie are free or occupied."""
     cells = np.floor((points_m - np.array(grid.anchor_m)) / grid.resolution_m).astype(np.int64)
@@ -32,6 +43,9 @@ def known_at(grid: GridMap, points_m: Points) -> NDArray[np.bool_]:
     if not there:
         return np.zeros(0, np.bool_)
     inside = cells - TILE * tiles
-    values = np.stack(there)[of_point, inside[:, 1], inside[:, 0]]
-    known: NDArray[np.bool_] = (values <= grid.thresholds.free) | (values >= grid.thresholds.occupied)
+    return _is_known(grid, np.stack(there)[of_point, inside[:, 1], inside[:, 0]])
+
+
+def _is_known(grid: GridMap, log_odds: NDArray[np.int16]) -> NDArray[np.bool_]:
+    known: NDArray[np.bool_] = (log_odds <= grid.thresholds.free) | (log_odds >= grid.thresholds.occupied)
     return known

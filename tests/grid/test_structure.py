@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from mapgraft.contracts import GRID_MESSAGE, GridMessage, MapError, Observation, Transform
 from mapgraft_grid.grid_map import OCCUPIED, UNKNOWN, GridMap
 from mapgraft_grid.map_type import OccupancyGrid
+from mapgraft_grid.region import GridRegion
 
 HERE = Transform.identity()
 
@@ -57,10 +58,22 @@ def test_the_centres_of_occupied_cells_where_the_other_map_knows_something(mine,
             assert found[np.lexsort(found.T[::-1])] == pytest.approx(expected(map_, limit), abs=1e-9)
 
 
+@settings(max_examples=30, deadline=None)
+@given(CELLS, st.floats(-9.0, 9.0), st.floats(-9.0, 9.0))
+def test_the_known_region_holds_the_known_cells_and_no_others(cells, x_m, y_m):
+    map_ = ready(cells, 0.07, x_m, y_m)
+    region = OccupancyGrid().known_region(map_)
+    assert len(region) == map_.known()
+    if not map_.is_empty:
+        dense = map_.dense()
+        assert region == GridRegion.from_mask(map_.lattice, dense.origin_cell, dense.classes != UNKNOWN)
+
+
 def test_nothing_stands_in_an_empty_map():
     grids = OccupancyGrid()
     empty, wall = grids.view(grids.new_layer()), ready(np.full((3, 3), 100), 0.05)
     assert grids.structure(empty).shape == (0, 2)
+    assert len(grids.known_region(empty)) == 0
     assert grids.structure(empty, wall).shape == (0, 2)
     assert grids.structure(wall, empty).shape == (0, 2)
     assert grids.structure(wall, wall).shape == (9, 2)

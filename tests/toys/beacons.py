@@ -134,6 +134,9 @@ class Beacons:
     def region(self, layer: Heard) -> Places:
         return Places(frozenset(layer.evidence()))
 
+    def known_region(self, map_: Chart) -> Places:
+        return Places(frozenset(map_.counts))
+
     def encode(self, layer: Heard) -> bytes:
         return json.dumps(list(layer.evidence().items())).encode()
 

@@ -107,6 +107,9 @@ class PlotType:
     def region(self, layer: AnyLayer) -> Cells:
         return Cells(frozenset(_plot(layer).cells))
 
+    def known_region(self, map_: Map) -> Cells:
+        return Cells(frozenset(_plot(map_).cells))
+
     def encode(self, layer: AnyLayer) -> bytes:
         return json.dumps(sorted([x, y, value] for (x, y), value in _plot(layer).cells.items())).encode()
 

@@ -213,6 +213,10 @@ class MapType(Protocol):
         """The units about which the layer holds evidence."""
         ...
 
+    def known_region(self, map_: Map) -> Region:
+        """The units that the map knows, as many as ``map_.known()`` says: what evidence has made out, and no hints."""
+        ...
+
     def encode(self, layer: Layer) -> bytes:
         """Canonical bytes: equal layers give equal bytes."""
         ...

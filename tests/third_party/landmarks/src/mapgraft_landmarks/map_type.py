@@ -146,6 +146,10 @@ class PointLandmarks:
     def region(self, layer: Layer) -> CellRegion:
         return as_layer(layer).region()
 
+    def known_region(self, map_: Map) -> CellRegion:
+        seen = as_map(map_)
+        return CellRegion(seen.cell_m, seen.cells.keys)
+
     def encode(self, layer: Layer) -> bytes:
         return encode_layer(as_layer(layer))
 

@@ -1,0 +1,90 @@
+"""The recordings of an evaluation in memory: what each robot observed, in order, with the poses that are trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapgraft.config import Config
+from mapgraft.contracts import GRID_MESSAGE, Observation, Transform
+from mapgraft.errors import RecordingError
+from mapgraft.plugins import Plugins
+
+if TYPE_CHECKING:
+    from mapgraft.recording.mission import Mission, RobotSource
+
+_DOUBTFUL = {
+    "odometry": "raw odometry, which drifts: what is called right or wrong here is only as good as that",
+    "unknown": "poses of unknown quality: what is called right or wrong here is only as good as they are",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """What one robot of one recording observed, in order.
+
+    ``files`` are the recording's; robots of different files are in different places. Robots of one ``world`` are
+    related by ``T_world_map``. ``stamps_ns`` (n,) rises, or is None where only the order of the observations is known.
+    ``poses`` says in words where the poses come from.
+    """
+
+    number: int
+    robot: str
+    files: tuple[str, ...]
+    world: str
+    T_world_map: Transform
+    observations: tuple[Observation, ...]
+    stamps_ns: NDArray[np.int64] | None
+    poses: str
+    doubt: str
+
+    def __len__(self) -> int:
+        return len(self.observations)
+
+    def __repr__(self) -> str:
+        return f"Course({self.robot!r}, {len(self)} observations)"
+
+    @property
+    def recording(self) -> str:
+        """A name of the recording for persons."""
+        return ", ".join(Path(file).name for file in self.files)
+
+
+def load_courses(paths: Sequence[Path], config: Config, plugins: Plugins) -> list[Course]:
+    """Read everything that the robots of some files observed; ready-made maps are left out, they are no windows.
+
+    Raises RecordingError when a file cannot be read or holds nothing of that kind, ConfigError when the configuration
+    speaks of what is not there.
+    """
+    from mapgraft.recording.mission import nothing_to_map, open_mission
+
+    with open_mission(paths, config, plugins=plugins) as mission:
+        seen: dict[str, list[Observation]] = {source.name: [] for source in mission.robots}
+        for observation in mission.observations():
+            if observation.kind != GRID_MESSAGE:
+                seen[observation.robot].append(observation)
+        if not any(seen.values()):
+            raise RecordingError(nothing_to_map(mission))
+        some = [source for source in mission.robots if seen[source.name]]
+        return [_course(number, source, seen[source.name], mission) for number, source in enumerate(some)]
+
+
+def _course(number: int, source: RobotSource, observations: Sequence[Observation], mission: Mission) -> Course:
+    T_world_map = mission.T_world_map.get(source.name)
+    stamps_ns = np.array([observation.stamp_ns for observation in observations], np.int64)
+    return Course(
+        number,
+        source.name,
+        source.files,
+        f"robot {source.name}" if T_world_map is None else "one world",
+        T_world_map or Transform.identity(),
+        tuple(observations),
+        None if source.clock == "index" else stamps_ns,
+        source.poses,
+        _DOUBTFUL.get(source.drift, ""),
+    )

@@ -1,0 +1,75 @@
+"""How two maps really lie to each other, and how far a hypothesis is from that."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from mapgraft.contracts import Layer, Map, MapType, Points, Transform
+
+RIGHT_M, RIGHT_DEG = 0.5, 5.0  # a hypothesis is right when it is no further off
+
+
+class Error(NamedTuple):
+    """How far a hypothesis is off: the mean displacement of the donor's walls, and the angle."""
+
+    displacement_m: float
+    rotation_deg: float
+
+    @property
+    def right(self) -> bool:
+        return self.displacement_m <= RIGHT_M and self.rotation_deg <= RIGHT_DEG
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth:
+    """The true transform between two maps.
+
+    ``placed`` is the donor's map where it belongs, in the receiver's type; ``walls_m`` (n, 2) or (n, 3) are its walls
+    there by which errors are measured: those where the receiver knows something, all of them if there are none.
+    ``overlap`` is the number of units that both know over that of the smaller map, all in the receiver's units.
+    """
+
+    map_type: MapType
+    T_receiver_donor: Transform
+    placed: Map
+    walls_m: Points
+    shared_walls: int
+    overlap: float
+
+    @classmethod
+    def of(cls, map_type: MapType, own_map: Map, donor: Layer, T_receiver_donor: Transform) -> Self:
+        """The truth about a receiver's map, and a donor's layer in its own frame."""
+        layer = map_type.place(donor, T_receiver_donor)
+        placed = map_type.view(layer)
+        walls_m = map_type.structure(placed, own_map)
+        ours, theirs = map_type.known_region(own_map), map_type.known_region(placed)
+        joint = len(theirs) - len(theirs.minus(ours))
+        return cls(
+            map_type,
+            T_receiver_donor,
+            placed,
+            walls_m if len(walls_m) else map_type.structure(placed),
+            len(walls_m),
+            joint / max(1, min(len(ours), len(theirs))),
+        )
+
+    def error(self, T_receiver_donor: Transform, scale: float = 1.0) -> Error:
+        """How far a hypothesis of the transform is off; where there are no walls, by the donor's origin."""
+        points = self.walls_m if len(self.walls_m) else self.T_receiver_donor.matrix[None, :2, 3]
+        in_donor = self.T_receiver_donor.inverse().apply(points)
+        found = T_receiver_donor.apply(scale * in_donor)
+        _, turn_rad = self.T_receiver_donor.difference(T_receiver_donor)
+        return Error(float(np.linalg.norm(found - points, axis=1).mean()), math.degrees(abs(turn_rad)))
+
+    def walls_known_to(self, own_map: Map) -> int:
+        """How many of the donor's walls lie where the receiver knows something, as far as it has mapped by now."""
+        return len(self.map_type.structure(self.placed, own_map))
+
+
+def error_or_none(truth: Truth | None, T_receiver_donor: Transform, scale: float = 1.0) -> Error | None:
+    """The error of a hypothesis; None where there is no truth, and every hypothesis is wrong."""
+    return None if truth is None else truth.error(T_receiver_donor, scale)
