@@ -31,6 +31,14 @@ def register_matchers(register: Register) -> None:
             accepts=_GRID,
         )
     )
+    register(
+        Descriptor(
+            "correlation",
+            "mapgraft_grid.correlation:Correlation",
+            "exhaustive search over rotations and shifts, walls and free space as evidence; any two resolutions",
+            accepts=_GRID,
+        )
+    )
 
 
 @hookimpl

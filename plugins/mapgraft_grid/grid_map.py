@@ -45,7 +45,7 @@ class GridMap:
     Tiles that did not change are shared with the map it was made from. ``thresholds`` says how evidence was read.
     """
 
-    __slots__ = ("_dense", "_known", "_tiles", "lattice", "thresholds")
+    __slots__ = ("__weakref__", "_dense", "_known", "_tiles", "lattice", "thresholds")
 
     def __init__(self, lattice: Lattice, thresholds: Thresholds, tiles: TileTree, known: int) -> None:
         self.lattice = lattice

@@ -1,0 +1,113 @@
+"""Matching by correlation: every rotation and every shift, with walls and free space as evidence."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from mapgraft.contracts import ConfigError, Map, MapError, Match, Points, Prior, Transform
+from mapgraft_grid.bayes import Meeting, meet
+from mapgraft_grid.certainty import Certainty, Lattice, certainty
+from mapgraft_grid.correlation_search import search, thinned
+from mapgraft_grid.grid_map import GridMap
+from mapgraft_grid.prepared import Prepared, canonical_m, prepare
+from mapgraft_grid.refinement import distance_field, placed, refined
+
+OTHER_YAW_RAD: Final = math.radians(10.0)  # two hypotheses nearer than this in both are one
+OTHER_SHIFT_M: Final = 2.5  # mean displacement of the source's walls
+ASKED_WALLS: Final = 200  # of the source that tell how far two hypotheses lie apart
+RIVAL_SHARE: Final = 0.5  # of the best's log Bayes factor: what has less is no rival
+SEARCH_CELLS: Final = 0.1  # sd of a refined shift per axis, in cells, and of a refined yaw
+SEARCH_RAD: Final = math.radians(0.1)
+
+
+class _Hypothesis(NamedTuple):
+    T: Transform
+    met: Meeting
+    spots: Points  # where some of the source's walls come to lie
+
+
+class Correlation:
+    """Exhaustive search over rotations and shifts: walls that lie on walls and free space on free space count for a
+    placement, walls in free space against it.
+
+    The best ``returned`` hypotheses come back, best first, each refined below a cell and a degree. Two of them differ by
+    more than 10° or by more than 2.5 m where the source's walls are. The score is the log Bayes factor L (nats) at
+    0.1 m, or at the coarser map's resolution when that is coarser (``bayes``); the margin is L minus that of the best
+    other hypothesis. Never a reflection.
+
+    Evidence: ``agreement``, ``disagreement``, ``overlap_cells``, ``occupied_agreement`` in cells of ``resolution_m``,
+    ``occupied_m``, the length of the walls that both maps have, ``rivals``, the number of other hypotheses with at least
+    half of the best one's L; with a covariance also ``sigma_max_m``, the greatest standard deviation of where the common
+    walls lie, and ``degenerate_dir_rad``, its direction in the target's frame in [0, π).
+    """
+
+    def __init__(self, *, returned: int = 6) -> None:
+        if returned < 2:
+            raise ConfigError(f"correlation needs returned >= 2, found {returned}")
+        self.returned = returned
+
+    def match(self, target: Map, source: Map, prior: Prior | None = None) -> Sequence[Match]:
+        """Hypotheses of ``T_target_source``, best first; EmptyMapError when a map has no occupied cell."""
+        a, b = _grid("target", target), _grid("source", source)
+        unit_m = canonical_m(a.resolution_m, b.resolution_m)
+        ours, theirs = prepare(a, unit_m, "target"), prepare(b, unit_m, "source")
+        poses = search(ours, theirs)
+        poses[:, :2] += ours.origin_m
+        rough = [placed(pose, theirs.centre_m) for pose in poses]
+        exact = refined(distance_field(a), distance_field(b), theirs.centre_m, rough)
+        found = _distinct(ours, theirs, exact)[: self.returned]
+        return [_told(ours, theirs, found, rank) for rank in range(len(found))]
+
+
+def _grid(name: str, map_: Map) -> GridMap:
+    if not isinstance(map_, GridMap):
+        raise MapError(f"correlation matches occupancy grids, the {name} is a map of type {map_.map_type!r}")
+    return map_
+
+
+def _distinct(target: Prepared, source: Prepared, transforms: Sequence[Transform]) -> list[_Hypothesis]:
+    """The best of each place, best first."""
+    some, _ = thinned(source.walls, ASKED_WALLS)
+    all_ = [_Hypothesis(T, meet(target, source, T), T.apply(some)) for T in transforms]
+    kept: list[_Hypothesis] = []
+    for one in sorted(all_, key=lambda h: -h.met.log_bayes_factor):
+        if not any(_same_place(one, other) for other in kept):
+            kept.append(one)
+    return kept
+
+
+def _same_place(a: _Hypothesis, b: _Hypothesis) -> bool:
+    turn = abs(math.remainder(a.T.yaw_rad - b.T.yaw_rad, 2.0 * math.pi))
+    return turn <= OTHER_YAW_RAD and float(np.hypot(*(a.spots - b.spots).T).mean()) <= OTHER_SHIFT_M
+
+
+def _told(target: Prepared, source: Prepared, found: Sequence[_Hypothesis], rank: int) -> Match:
+    """The match with its margin, its evidence, and how certain it is where the walls tell."""
+    one = found[rank]
+    score = one.met.log_bayes_factor
+    others = [other.met.log_bayes_factor for other in found if other is not one]
+    evidence = {
+        "agreement": float(one.met.agreement),
+        "disagreement": float(one.met.disagreement),
+        "overlap_cells": float(one.met.overlap),
+        "occupied_agreement": float(one.met.occupied_agreement),
+        "occupied_m": one.met.near_agreement * target.unit_m,
+        "rivals": float(sum(other >= RIVAL_SHARE * found[0].met.log_bayes_factor for other in others)),
+        "resolution_m": target.unit_m,
+    }
+    bare = Match(one.T, score, score - max(others) if others else math.inf, evidence=evidence)
+    known = _certainty(target, source, one.T)
+    if known is None:
+        return bare
+    evidence |= {"sigma_max_m": known.sigma_max_m, "degenerate_dir_rad": known.degenerate_dir_rad}
+    return dataclasses.replace(bare, covariance=known.covariance, evidence=evidence)
+
+
+def _certainty(target: Prepared, source: Prepared, T: Transform) -> Certainty | None:
+    sides = (Lattice(side.classes, side.unit_m, side.origin_m) for side in (target, source))
+    return certainty(*sides, T, SEARCH_CELLS * target.unit_m, SEARCH_RAD)
