@@ -31,7 +31,9 @@ from mapgraft.contracts.observations import GRID_MESSAGE, SCAN, GridMessage, Obs
 from mapgraft.contracts.plugin import API, Descriptor, Register, RegisterRules, hookimpl
 from mapgraft.contracts.sources import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText, Source
 from mapgraft.contracts.verification import (
+    RECENT_SAMPLES,
     Comparison,
+    LocalTracker,
     Measurement,
     Measurements,
     Metric,
@@ -58,6 +60,7 @@ from mapgraft.errors import (
 __all__ = [
     "API",
     "GRID_MESSAGE",
+    "RECENT_SAMPLES",
     "SCAN",
     "Acceptor",
     "Candidate",
@@ -76,6 +79,7 @@ __all__ = [
     "Fuser",
     "GridMessage",
     "Layer",
+    "LocalTracker",
     "Map",
     "MapError",
     "MapMetadata",

@@ -46,8 +46,10 @@ class Descriptor:
     ============  =====================================================================================================
     map types     ``observes``: payload kind → preference; a robot whose map type is not configured gets the type with
                   the highest preference for what it observes
-    matchers      ``accepts``: the map type of both maps, or (target type, source type)
-    fusers        the same
+    matchers      ``accepts``: the map type of both maps, or (target type, source type); ``uses_prior``: a prior
+                  narrows the search to where it says, and of two hypotheses for the same two maps the better one has
+                  the higher score, whatever the prior. Only such a matcher refines merges that stand
+    fusers        ``accepts`` as for matchers
     metrics       ``accepts``: the map type of both maps
     conversions   ``accepts``: the type converted from, ``gives``: the type converted to
     decoders      ``accepts``: message types (``sensor_msgs/msg/PointCloud2``), ``gives``: the payload kind;
@@ -66,6 +68,7 @@ class Descriptor:
     accepts: tuple[str, ...] = ()
     gives: str = ""
     observes: Mapping[str, int] = field(default_factory=dict)
+    uses_prior: bool = False
     requires: tuple[str, ...] = ()
     extra: str = ""
     api: tuple[int, int] = API

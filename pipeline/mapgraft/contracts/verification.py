@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
 from mapgraft.contracts.geometry import Transform
 from mapgraft.contracts.maps import Layer, Map, MapType, Region
@@ -13,6 +13,8 @@ from mapgraft.contracts.observations import Observation
 
 if TYPE_CHECKING:
     from mapgraft.contracts.merging import Match
+
+RECENT_SAMPLES = 100  # so many of the latest samples a verifier is given, besides the first one
 
 
 class Comparison(Protocol):
@@ -50,16 +52,35 @@ class Comparison(Protocol):
     def subject(self) -> Literal["own", "merged"]: ...
 
 
-@dataclass(frozen=True, slots=True)
 class Step:
     """What has happened since the tracker's last update.
 
-    ``touched`` is None at the first update and when everything may have changed.
+    ``touched`` is None at the first update and when everything may have changed; it is united from what the single
+    observations touched when it is first asked for. ``observations`` are the receiver's own, in their order.
+    ``donor_changed`` says that the donor's layer, the transform, or both are other ones now: the receiver has got a
+    newer version of the donor's map, or the merge was registered anew. The comparison then shows the new
+    ``donor_layer``, ``T_receiver_donor`` and ``match``, and ``touched`` is None. Observations made before are never in
+    that step or a later one: they were told in a step of their own first, because evidence that refined a transform
+    must not test it.
     """
 
-    touched: Region | None = None
-    observations: Sequence[Observation] = ()
-    donor_changed: bool = False
+    __slots__ = ("_touched", "donor_changed", "observations")
+
+    def __init__(
+        self,
+        touched: Region | Callable[[], Region] | None = None,
+        observations: Sequence[Observation] = (),
+        donor_changed: bool = False,
+    ) -> None:
+        self._touched = touched
+        self.observations = observations
+        self.donor_changed = donor_changed
+
+    @property
+    def touched(self) -> Region | None:
+        if callable(self._touched):
+            self._touched = self._touched()
+        return self._touched
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,17 +112,34 @@ class Tracker(Protocol):
     def update(self, step: Step) -> Measurement: ...
 
 
+@runtime_checkable
+class LocalTracker(Tracker, Protocol):
+    """A tracker that looks at a part of the receiver's map only, and need not be asked while that stays as it is.
+
+    ``concerns`` is read after each update: units of the receiver's map outside of which nothing, neither map nor
+    observation, makes any difference to the measurement; None when everything does. Observations that do not touch it
+    may be left out of later steps, and what was measured last then still holds.
+    """
+
+    @property
+    def concerns(self) -> Region | None: ...
+
+
 class Metric(Protocol):
     def track(self, comparison: Comparison) -> Tracker: ...
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """All measurements of one merge at one time. ``observations`` counts the receiver's since the merge."""
+    """All measurements of one merge at one time, and the merge's state when they were made.
+
+    ``observations`` counts the receiver's since the merge.
+    """
 
     stamp_ns: int
     observations: int
     measurements: Measurements
+    state: Literal["provisional", "confirmed"] = "provisional"
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +152,8 @@ class Verifier(Protocol):
     def verify(self, history: Sequence[Sample], reversal: str) -> Verdict:
         """Judge a merge from its samples, oldest first; the first one was taken at the merge itself.
 
-        ``reversal`` names the receiver's way of keeping contributions, because it decides what the metrics saw.
+        Of the later ones the latest ``RECENT_SAMPLES`` are there. A merge that is confirmed is judged on: its samples
+        say so in ``state``, and ``revert`` takes it out like any other. ``reversal`` names the receiver's way of
+        keeping contributions, because it decides what the metrics saw.
         """
         ...
