@@ -161,6 +161,31 @@ def decide(
     explain(files or [], config, rules, question, as_json=json, without=no_plugin or [])
 
 
+@app.command()
+def match(
+    maps: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="A B", help="Two map files: A receives. map.yaml, PNG, PGM, or a type's own format."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for the picture and the merged map.")] = None,
+    resolution: Annotated[float | None, typer.Option(help="Metres per pixel of maps that are bare images.")] = None,
+    other_resolution: Annotated[float | None, typer.Option(help="The same of B, where it differs.")] = None,
+    unknown_gray: Annotated[int | None, typer.Option(help="The gray, 0 to 255, that means unknown.")] = None,
+    config: ConfigFile = None,
+    rules: Annotated[Path | None, typer.Option("--rules", help="A decision table to use instead.")] = None,
+    matcher: Annotated[str | None, typer.Option(help="This matcher instead of the rule's own.")] = None,
+    hypotheses: Annotated[bool, typer.Option("--hypotheses", help="List all that the matcher found.")] = False,
+    json: Json = False,
+    no_plugin: NoPlugin = None,
+    debug: Debug = False,
+) -> None:
+    """Match two ready maps: where B lies in A, what speaks for it, and the merged map if it was accepted."""
+    from mapgraft.commands.match import Asked, match_and_show
+
+    asked = Asked(resolution, other_resolution, unknown_gray, config, rules, matcher, tuple(no_plugin or ()))
+    match_and_show(maps or [], asked, out, as_json=json, all_hypotheses=hypotheses)
+
+
 @plugins_app.command("list")
 def plugins_list(json: Json = False, no_plugin: NoPlugin = None, debug: Debug = False) -> None:
     """Every plugin with what it offers, and those that could not be loaded."""

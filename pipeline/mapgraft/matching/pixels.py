@@ -39,14 +39,12 @@ def planar(T: Transform, scale: float = 1.0) -> Similarity:
 
 def in_pixels(a: Frame, b: Frame, T_a_b: Similarity) -> Similarity:
     """The pixels of b as pixels of a, for a similarity between the map frames in metres."""
-    pixels: Similarity = np.linalg.solve(a.M_map_px, T_a_b @ b.M_map_px)
-    return pixels
+    return np.asarray(np.linalg.solve(a.M_map_px, T_a_b @ b.M_map_px), np.float64)
 
 
 def in_metres(a: Frame, b: Frame, T_px_a_b: Similarity) -> Similarity:
     """The inverse of ``in_pixels``: the similarity between the map frames for one between their pixels."""
-    metres: Similarity = a.M_map_px @ T_px_a_b @ np.linalg.inv(b.M_map_px)
-    return metres
+    return np.asarray(a.M_map_px @ T_px_a_b @ np.linalg.inv(b.M_map_px), np.float64)
 
 
 def moved(S: Similarity, points: Points) -> Points:

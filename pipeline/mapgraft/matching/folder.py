@@ -1,0 +1,78 @@
+"""The folder of one pairing: the picture, the merged map, and the numbers."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+from mapgraft.errors import PluginError
+from mapgraft.matching.document import document
+from mapgraft.matching.overlay import paint, png
+from mapgraft.matching.pairing import Hypothesis, Pairing
+from mapgraft.matching.placing import placed_sketch, sketch
+from mapgraft.outputs.files import json_bytes
+from mapgraft.outputs.staging import Staging, sync_folder, writing
+from mapgraft.procedures import Workshop
+
+DOCUMENT = "match.json"
+OVERLAY = "overlay.png"  # of an accepted hypothesis
+CANDIDATE = "candidate.png"  # of one that was not
+STEM = "merged"
+
+
+def write_folder(out: Path, pairing: Pairing, workshop: Workshop) -> list[str]:
+    """Write everything about a pairing, whole or not at all; what an earlier match left there goes.
+
+    Returns the names of the files. Raises OutputError when the folder cannot be written.
+    """
+    files = _files(pairing, workshop)
+    with writing(out):
+        out.mkdir(parents=True, exist_ok=True)
+        earlier, staging = _listed(out / DOCUMENT), Staging(out)
+        for name, content in files.items():
+            staging.write(name, content)
+        staging.write(DOCUMENT, json_bytes({**document(pairing), "files": [*files, DOCUMENT]}))  # the last one renamed
+        published = staging.publish()
+        for name in earlier:
+            if name not in published:
+                (out / name).unlink(missing_ok=True)
+        sync_folder(out)
+    return published
+
+
+def picture(pairing: Pairing, hypothesis: Hypothesis, workshop: Workshop) -> bytes:
+    """The two maps on each other as a hypothesis puts them."""
+    a, b, match = pairing.a, pairing.b, hypothesis.match
+    T = match.T_receiver_donor
+    theirs = placed_sketch(workshop, a, b, T, match.scale)
+    verdict = "accepted" if hypothesis.accepted else f"NOT accepted ({pairing.verdict})"
+    where = f"x {T.x_m:.2f} m, y {T.y_m:.2f} m, yaw {math.degrees(T.yaw_rad):.1f}°"
+    names = (a.name, b.name) if a.name != b.name else (f"A: {a.name}", f"B: {b.name}")
+    return png(*paint(sketch(a.map_type, a.view), theirs), f"B in A at {where}; {verdict}", names)
+
+
+def _files(pairing: Pairing, workshop: Workshop) -> dict[str, bytes]:
+    files: dict[str, bytes] = {}
+    if pairing.best is not None:
+        files[OVERLAY if pairing.best.accepted else CANDIDATE] = picture(pairing, pairing.best, workshop)
+    if pairing.merged is not None:
+        files |= _checked(pairing.a.map_type.files(pairing.merged, STEM))
+    return files
+
+
+def _checked(files: Mapping[str, bytes]) -> Mapping[str, bytes]:
+    for name in files:
+        if not name.startswith(STEM) or "/" in name:
+            raise PluginError(f"a map type gave a file {name!r}: its name must start with {STEM!r} and hold no '/'")
+    return files
+
+
+def _listed(path: Path) -> list[str]:
+    """The files that an earlier match in the folder lists."""
+    try:
+        listed = json.loads(path.read_text(encoding="utf-8"))["files"]
+        return [name for name in listed if isinstance(name, str) and "/" not in name and name not in ("", ".", "..")]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
