@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import cast
@@ -86,9 +86,13 @@ def _parts(rule: Rule) -> list[tuple[PluginKind, str, Mapping[str, object]]]:
 
 @dataclass(slots=True)
 class Workshop:
-    """Makes tools, map types and conversions from the installed plugins."""
+    """Makes tools, map types and conversions from the installed plugins.
+
+    With ``watch`` somebody looks over the tools' shoulders: what it returns works in their place.
+    """
 
     plugins: Plugins
+    watch: Callable[[Tools], Tools] | None = None
     _made: dict[tuple[PluginKind, str, str], object] = field(default_factory=dict)
     _map_types: dict[str, MapType] = field(default_factory=dict)
 
@@ -120,7 +124,7 @@ class Workshop:
         """The tools of a rule that has a procedure; raises PluginError or ConfigError when one cannot be made."""
         made = {(kind, name): self._tool(kind, name, parameters) for kind, name, parameters in _parts(rule)}
         procedure = rule.procedure
-        return Tools(
+        tools = Tools(
             procedure,
             cast("Matcher", made["matcher", procedure.match.use]),
             cast("Acceptor", made["acceptor", procedure.accept.use]),
@@ -128,6 +132,7 @@ class Workshop:
             {name: cast("Metric", made["metric", name]) for name in procedure.metric_names},
             cast("Verifier", made["verifier", procedure.verify.use]),
         )
+        return tools if self.watch is None else self.watch(tools)
 
     def _tool(self, kind: PluginKind, name: str, parameters: Mapping[str, object]) -> object:
         """One tool, made once for all rules that want it with the same parameters."""
