@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from mapgraft.contracts import Layer, Map, MapType, Points, Transform
+from mapgraft.contracts import EmptyMapError, Layer, Map, MapType, Points, Transform
 
 RIGHT_M, RIGHT_DEG = 0.5, 5.0  # a hypothesis is right when it is no further off
 
@@ -43,8 +43,10 @@ class Truth:
     @classmethod
     def of(cls, map_type: MapType, own_map: Map, donor: Layer, T_receiver_donor: Transform) -> Self:
         """The truth about a receiver's map, and a donor's layer in its own frame."""
-        layer = map_type.place(donor, T_receiver_donor)
-        placed = map_type.view(layer)
+        try:
+            placed = map_type.view(map_type.place(donor, T_receiver_donor))
+        except EmptyMapError:
+            placed = map_type.view(None)
         walls_m = map_type.structure(placed, own_map)
         ours, theirs = map_type.known_region(own_map), map_type.known_region(placed)
         joint = len(theirs) - len(theirs.minus(ours))
@@ -57,9 +59,14 @@ class Truth:
             joint / max(1, min(len(ours), len(theirs))),
         )
 
+    @property
+    def points_m(self) -> Points:
+        """The walls by which errors are measured; where the donor has none, its origin."""
+        return self.walls_m if len(self.walls_m) else self.T_receiver_donor.matrix[None, :2, 3]
+
     def error(self, T_receiver_donor: Transform, scale: float = 1.0) -> Error:
-        """How far a hypothesis of the transform is off; where there are no walls, by the donor's origin."""
-        points = self.walls_m if len(self.walls_m) else self.T_receiver_donor.matrix[None, :2, 3]
+        """How far a hypothesis of the transform is off."""
+        points = self.points_m
         in_donor = self.T_receiver_donor.inverse().apply(points)
         found = T_receiver_donor.apply(scale * in_donor)
         _, turn_rad = self.T_receiver_donor.difference(T_receiver_donor)
@@ -68,8 +75,3 @@ class Truth:
     def walls_known_to(self, own_map: Map) -> int:
         """How many of the donor's walls lie where the receiver knows something, as far as it has mapped by now."""
         return len(self.map_type.structure(self.placed, own_map))
-
-
-def error_or_none(truth: Truth | None, T_receiver_donor: Transform, scale: float = 1.0) -> Error | None:
-    """The error of a hypothesis; None where there is no truth, and every hypothesis is wrong."""
-    return None if truth is None else truth.error(T_receiver_donor, scale)

@@ -1,0 +1,134 @@
+"""One procedure on one pair: decide, match, accept, map on, verify; what ``run`` does, by the same engine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Literal
+
+from mapgraft.config import ReversalName
+from mapgraft.contracts import MapType, Match, Measurement, Observation, Transform
+from mapgraft.decision import DecisionTable
+from mapgraft.errors import PluginError
+from mapgraft.evaluation.building import DONOR, RECEIVER, Pair
+from mapgraft.events import Event
+from mapgraft.history import History, Journal
+from mapgraft.outputs.null_sink import NullSink
+from mapgraft.persons import Hand
+from mapgraft.procedures import Workshop
+from mapgraft.reversal import new_reversal
+from mapgraft.robot import Robot
+from mapgraft.witness import Witness
+
+Verdict = Literal["rejected", "unmatched", "ambiguous", "provisional"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trial:
+    """What came of it.
+
+    ``best`` is the matcher's first hypothesis with its ``measurements``; ``T_accepted`` the transform that was accepted
+    and ``T_final`` the one at which the merge stands after further mapping, or was reverted. ``state`` is the merge's
+    state then, with ``later``, the last measurements; empty where nothing was accepted. ``match_s`` is None where the
+    decision table turned the pair away, ``observed_s`` what each further scan took with the merge standing.
+    """
+
+    rule: str
+    verdict: Verdict
+    reason: str
+    best: Match | None
+    measurements: Mapping[str, Measurement]
+    T_accepted: Transform | None
+    state: Literal["", "provisional", "confirmed", "reverted"]
+    state_reason: str
+    T_final: Transform | None
+    later: Mapping[str, Measurement]
+    match_s: float | None
+    observed_s: tuple[float, ...]
+
+
+def offering(pair: Pair, table: DecisionTable, workshop: Workshop) -> Robot:
+    """The donor of a pair as a robot that has mapped its window."""
+    return _robot(DONOR, pair.donor.map_type, table, workshop, "ledger", History(NullSink()), pair.donor.observations)
+
+
+def attempt(pair: Pair, donor: Robot, table: DecisionTable, workshop: Workshop, reversal: ReversalName) -> Trial:
+    """Let the receiver consider the donor's map, map on, and verify.
+
+    Raises PluginError, which names the pair, when a plugin fails.
+    """
+    witness, history = Witness(), History(NullSink())
+    workshop.watch = witness.watch
+    try:
+        side = pair.receiver
+        receiver = _robot(RECEIVER, side.map_type, table, workshop, reversal, history, side.observations)
+        stamp_ns = side.observations[-1].stamp_ns
+        receiver.consider(donor.offer(), donor.layer, stamp_ns)
+        attempted = history.events[-1]
+        observed_s = _map_on(receiver, pair.further) if receiver.merges else ()
+    except PluginError as error:
+        raise PluginError(f"pair {pair.plan.number}: {error}") from error
+    finally:
+        workshop.watch = None
+    return _told(witness, history.events, attempted, observed_s)
+
+
+def _robot(
+    name: str,
+    map_type: MapType,
+    table: DecisionTable,
+    workshop: Workshop,
+    reversal_name: ReversalName,
+    history: History,
+    observations: Sequence[Observation],
+) -> Robot:
+    reversal = new_reversal(reversal_name, map_type)
+    journal = Journal(history, name, map_type, reversal, snapshots=False)
+    robot = Robot(name, map_type, reversal, table, workshop, Hand(), journal)
+    for observation in observations:
+        robot.observe(observation)
+    return robot
+
+
+def _map_on(receiver: Robot, further: Sequence[Observation]) -> tuple[float, ...]:
+    """Observe further scans, verifying as they come, and take a last look; what each scan took, in seconds."""
+    observed_s = []
+    for observation in further:
+        began_s = perf_counter()
+        receiver.observe(observation)
+        observed_s.append(perf_counter() - began_s)
+    if further:
+        receiver.finish(further[-1].stamp_ns)
+    return tuple(observed_s)
+
+
+def _told(witness: Witness, events: Sequence[Event], attempted: Event, observed_s: tuple[float, ...]) -> Trial:
+    verdicts: dict[str, Verdict] = {"rejected": "rejected", "unmatched": "unmatched", "ambiguous": "ambiguous"}
+    merged = next((event for event in events if event.kind == "merged"), None)
+    first = merged or attempted
+    last = next((event for event in reversed(events) if merged and event.merge_id == merged.merge_id), None)
+    later = next((event for event in reversed(events) if event.measurements and event is not merged), None)
+    found = witness.found[0] if witness.found else ()
+    shown = witness.candidates[0] if witness.candidates else ()
+    best = shown[0].match if shown else found[0] if found else None
+    return Trial(
+        rule=first.rule,
+        verdict="provisional" if merged else verdicts[first.kind],
+        reason=first.reason,
+        best=best,
+        measurements=shown[0].measurements if shown else {},
+        T_accepted=merged.T_receiver_donor if merged else None,
+        state=_state(last),
+        state_reason=last.reason if last else "",
+        T_final=last.T_receiver_donor if last else None,
+        later={m.name: m for m in later.measurements} if merged and later else {},
+        match_s=witness.match_s[0] if witness.match_s else None,
+        observed_s=observed_s,
+    )
+
+
+def _state(last: Event | None) -> Literal["", "provisional", "confirmed", "reverted"]:
+    if last is None or last.state == "candidate":
+        return ""
+    return last.state
