@@ -12,12 +12,11 @@ from mapgraft.contracts import Transform
 from mapgraft_grid.kernels.meeting import meeting
 from mapgraft_grid.prepared import Prepared
 
-OCCUPANCY_PRIOR: Final = (
-    0.1  # share of walls among the known cells of indoor grids at 0.1 m, those beside them included
-)
-P_FREE: Final = 0.03
-P_OCCUPIED: Final = 0.9
-P_BESIDE: Final = 0.45  # a cell that touches an occupied one: walls are blurred by a cell
+OCCUPANCY_PRIOR: Final = 0.1  # share of walls in what indoor grids know at 0.1 m, with what touches them
+P_FREE: Final = 0.002
+P_OCCUPIED: Final = 0.98
+P_BESIDE: Final = 0.3  # free and touching an occupied cell: walls are blurred by a cell
+P_BEHIND: Final = 0.75  # unknown and touching one: nobody looks through a wall
 
 
 def log_bayes_factors(prior: float = OCCUPANCY_PRIOR) -> NDArray[np.float64]:
@@ -26,7 +25,7 @@ def log_bayes_factors(prior: float = OCCUPANCY_PRIOR) -> NDArray[np.float64]:
     BF = p₁p₂/π + (1 − p₁)(1 − p₂)/(1 − π), with the marks of ``prepared`` read as occupancies; unknown ones say π, so
     that they tell nothing.
     """
-    p = np.array([prior, P_FREE, P_OCCUPIED, P_BESIDE, P_BESIDE])
+    p = np.array([prior, P_FREE, P_OCCUPIED, P_BESIDE, P_BEHIND])
     out: NDArray[np.float64] = np.log(np.outer(p, p) / prior + np.outer(1.0 - p, 1.0 - p) / (1.0 - prior))
     out[0] = out[:, 0] = 0.0
     return out
