@@ -175,15 +175,30 @@ def match(
     rules: Annotated[Path | None, typer.Option("--rules", help="A decision table to use instead.")] = None,
     matcher: Annotated[str | None, typer.Option(help="This matcher instead of the rule's own.")] = None,
     hypotheses: Annotated[bool, typer.Option("--hypotheses", help="List all that the matcher found.")] = False,
+    pairs: Annotated[list[Path] | None, typer.Option(help="A list of pairs with their truth; repeatable.")] = None,
+    unrelated: Annotated[list[Path] | None, typer.Option(help="A list of pairs that must not merge.")] = None,
+    across: Annotated[bool, typer.Option("--across", help="Nor any two listed maps of different places.")] = False,
+    keypoint_px: Annotated[float, typer.Option(help="Keypoint error (RMS, pixels of A) up to which it is right.")] = 40,
     json: Json = False,
     no_plugin: NoPlugin = None,
     debug: Debug = False,
 ) -> None:
-    """Match two ready maps: where B lies in A, what speaks for it, and the merged map if it was accepted."""
+    """Match two ready maps: where B lies in A, what speaks for it, and the merged map if it was accepted.
+
+    With --pairs, match a whole list and compare with its truth.
+    """
     from mapgraft.commands.match import Asked, match_and_show
 
     asked = Asked(resolution, other_resolution, unknown_gray, config, rules, matcher, tuple(no_plugin or ()))
-    match_and_show(maps or [], asked, out, as_json=json, all_hypotheses=hypotheses)
+    if not (pairs or unrelated):
+        match_and_show(maps or [], asked, out, as_json=json, all_hypotheses=hypotheses)
+        return
+    from mapgraft.commands.match_list import Lists, judge_and_show
+
+    if maps:
+        raise typer.BadParameter("name two maps, or lists with --pairs and --unrelated, not both")
+    lists = Lists(tuple(pairs or ()), tuple(unrelated or ()), across, keypoint_px)
+    judge_and_show(lists, asked, out, as_json=json)
 
 
 @plugins_app.command("list")

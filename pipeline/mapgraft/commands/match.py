@@ -75,17 +75,20 @@ def pairer_of(plugins: Plugins, config: Config, asked: Asked) -> Pairer:
 
 def options_of(shelf: Shelf, maps: Sequence[Path], asked: Asked) -> list[dict[str, object]]:
     """The options of each of two files; raises UsageError when one was given that its file cannot use."""
-    given: list[dict[str, object]] = [{}, {}]
-    for side, path in enumerate(maps):
-        wanted = {UNKNOWN_GRAY: asked.unknown_gray, RESOLUTION: asked.resolution_m}
-        if side == 1 and asked.other_resolution_m is not None:
-            wanted[RESOLUTION] = asked.other_resolution_m
-        given[side] = {name: value for name, value in wanted.items() if value is not None and shelf.takes(path, name)}
-    _require_used("--unknown-gray", asked.unknown_gray, maps, any(UNKNOWN_GRAY in options for options in given))
+    given = [options_for(shelf, path, side, asked) for side, path in enumerate(maps)]
     used = [options.get(RESOLUTION) for options in given]
+    _require_used("--unknown-gray", asked.unknown_gray, maps, any(UNKNOWN_GRAY in options for options in given))
     _require_used("--resolution", asked.resolution_m, maps, asked.resolution_m in used)
     _require_used("--other-resolution", asked.other_resolution_m, maps[1:], asked.other_resolution_m == used[1])
     return given
+
+
+def options_for(shelf: Shelf, path: Path, side: int, asked: Asked) -> dict[str, object]:
+    """What was asked that the format of a file can use; ``side`` is 0 for A and 1 for B."""
+    wanted = {UNKNOWN_GRAY: asked.unknown_gray, RESOLUTION: asked.resolution_m}
+    if side == 1 and asked.other_resolution_m is not None:
+        wanted[RESOLUTION] = asked.other_resolution_m
+    return {name: value for name, value in wanted.items() if value is not None and shelf.takes(path, name)}
 
 
 def _require_used(option: str, value: object, maps: Sequence[Path], used: bool) -> None:

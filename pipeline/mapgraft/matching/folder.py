@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from mapgraft.errors import PluginError
 from mapgraft.matching.document import document
+from mapgraft.matching.judging import Judged
 from mapgraft.matching.overlay import paint, png
 from mapgraft.matching.pairing import Hypothesis, Pairing
 from mapgraft.matching.placing import placed_sketch, sketch
 from mapgraft.outputs.files import json_bytes
+from mapgraft.outputs.names import file_names
 from mapgraft.outputs.staging import Staging, sync_folder, writing
 from mapgraft.procedures import Workshop
 
@@ -40,6 +42,21 @@ def write_folder(out: Path, pairing: Pairing, workshop: Workshop) -> list[str]:
                 (out / name).unlink(missing_ok=True)
         sync_folder(out)
     return published
+
+
+def write_judged(out: Path, judged: Sequence[Judged], workshop: Workshop) -> list[str]:
+    """Write a picture of each pair with truth, and of each unrelated one that was merged: ``<id>.png``.
+
+    Returns the names of the files. Raises OutputError when the folder cannot be written.
+    """
+    names = file_names()
+    with writing(out):
+        out.mkdir(parents=True, exist_ok=True)
+        staging = Staging(out)
+        for one in judged:
+            if one.pairing.best is not None and (one.merged or one.pair.kind != "unrelated"):
+                staging.write(f"{names[one.pair.id]}.png", picture(one.pairing, one.pairing.best, workshop))
+        return staging.publish()
 
 
 def picture(pairing: Pairing, hypothesis: Hypothesis, workshop: Workshop) -> bytes:

@@ -43,7 +43,7 @@ def sketch(map_type: MapType, map_: Map) -> Sketch:
 
 def placed(workshop: Workshop, a: ReadyMap, b: ReadyMap, T_a_b: Transform, scale: float = 1.0) -> Map | None:
     """b's map in a's frame and type; None where no conversion leads there. Raises MapError when it cannot be placed."""
-    layer = _in_type_of(workshop, a, b)
+    layer = in_type_of(workshop, a, b)
     return None if layer is None else a.map_type.view(a.map_type.place(layer, T_a_b, scale))
 
 
@@ -60,7 +60,7 @@ def placed_sketch(workshop: Workshop, a: ReadyMap, b: ReadyMap, T_a_b: Transform
     return Sketch(walls, np.empty((0, 2)), None)
 
 
-def _in_type_of(workshop: Workshop, a: ReadyMap, b: ReadyMap) -> Layer | None:
+def in_type_of(workshop: Workshop, a: ReadyMap, b: ReadyMap) -> Layer | None:
     own, other = a.map_type.name, b.map_type.name
     if own == other:
         return b.layer

@@ -1,0 +1,166 @@
+"""Whether the answers to pairs with a known truth are right."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mapgraft.contracts import MapError, Points, Transform
+from mapgraft.errors import UsageError
+from mapgraft.evaluation.truth import Truth
+from mapgraft.matching.pair_list import MapFile, PairList, TruePair
+from mapgraft.matching.pairing import Hypothesis, Pairer, Pairing
+from mapgraft.matching.pixels import Frame, Similarity, in_metres, in_pixels, moved, planar, scale_of, yaw_of
+from mapgraft.matching.placing import in_type_of
+from mapgraft.matching.ready_map import ReadyMap
+
+RIGHT_PX = 40.0  # root mean square of the keypoints' errors
+_SAME_SCALE = 0.1  # relative: a truth whose scale differs more is of a map whose resolution is not known
+
+Read = Callable[[MapFile, int], ReadyMap]  # a file of the list and which side it is on, 0 or 1
+
+
+class Error(NamedTuple):
+    """How far a hypothesis is off; the keypoints' error where the truth has keypoints, else the walls' displacement."""
+
+    displacement_m: float | None
+    rotation_deg: float | None
+    keypoint_px: float | None
+    right: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judged:
+    """One pair of a list with what came of it.
+
+    ``first`` judges the matcher's first hypothesis, ``accepted`` the one that was accepted; None where there is none,
+    and for unrelated pairs, where every accepted one is wrong. ``overlap`` is the number of units that both maps know,
+    placed as the truth says, over that of the smaller one; None for unrelated pairs.
+    """
+
+    pair: TruePair
+    pairing: Pairing
+    first: Error | None = None
+    accepted: Error | None = None
+    overlap: float | None = None
+
+    @property
+    def merged(self) -> bool:
+        return self.pairing.accepted is not None
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A pair that was not judged, and why."""
+
+    id: str
+    reason: str
+
+
+def judge(
+    pairs: Sequence[TruePair], listed: PairList, read: Read, pairer: Pairer, right_px: float, done: Callable[[], None]
+) -> tuple[list[Judged], list[LeftOut]]:
+    """Match all pairs, one after another, and compare each answer with its truth; ``done`` is called after each.
+
+    All files are read before anything is matched. The first match is made twice, because kernels are compiled on first
+    use. Raises MapError when a file cannot be used, UsageError when pixels are told of maps that have none.
+    """
+    maps = [(read(listed.known(pair.a), 0), read(listed.known(pair.b), 1)) for pair in pairs]
+    out: list[Judged] = []
+    left: list[LeftOut] = []
+    for pair, (a, b) in zip(pairs, maps, strict=True):
+        reason = _not_judged(pair, a, b)
+        if reason is not None:
+            left.append(LeftOut(pair.id, reason))
+        else:
+            if not out:
+                pairer.pair(a, b, fuse=False)
+            out.append(_judged(pair, pairer.pair(a, b, fuse=False), pairer, right_px))
+        done()
+    return out, left
+
+
+def _judged(pair: TruePair, pairing: Pairing, pairer: Pairer, right_px: float) -> Judged:
+    slim = dataclasses.replace(pairing, merged=None)
+    if pair.kind == "unrelated":
+        return Judged(pair, slim)
+    truth = _truth(pair, pairing, pairer)
+    measure = _by_walls(truth) if pair.keypoints is None else _by_keypoints(pair, pair.keypoints, pairing, right_px)
+    first = measure(pairing.hypotheses[0]) if pairing.hypotheses else None
+    accepted = measure(pairing.accepted) if pairing.accepted else None
+    return Judged(pair, slim, first, accepted, truth.overlap)
+
+
+def _by_keypoints(
+    pair: TruePair, keypoints: tuple[Points, Points], pairing: Pairing, right_px: float
+) -> Callable[[Hypothesis], Error]:
+    frames, (ours, theirs) = _frames(pair, pairing.a, pairing.b), keypoints
+
+    def measure(hypothesis: Hypothesis) -> Error:
+        T = in_pixels(*frames, _similarity(hypothesis))
+        off = float(np.sqrt((np.linalg.norm(moved(T, theirs) - ours, axis=1) ** 2).mean()))
+        return Error(None, _turn_deg(pair, T), off, off <= right_px)
+
+    return measure
+
+
+def _by_walls(truth: Truth) -> Callable[[Hypothesis], Error]:
+    def measure(hypothesis: Hypothesis) -> Error:
+        error = truth.error(hypothesis.match.T_receiver_donor, hypothesis.match.scale)
+        return Error(error.displacement_m, error.rotation_deg, None, error.right)
+
+    return measure
+
+
+def _truth(pair: TruePair, pairing: Pairing, pairer: Pairer) -> Truth:
+    a, b = pairing.a, pairing.b
+    layer = in_type_of(pairer.workshop, a, b)
+    if layer is None:
+        raise MapError(f"{pair.id} cannot be judged: no conversion leads from {b.map_type.name} to {a.map_type.name}")
+    S = in_metres(*_frames(pair, a, b), _of(pair))
+    walls = np.asarray(b.map_type.structure(b.view)[:, :2], np.float64)
+    return Truth.of(a.map_type, a.view, layer, rigid_about(S, walls.mean(axis=0)))
+
+
+def rigid_about(S: Similarity, centre_m: Points) -> Transform:
+    """The rotation and shift nearest to a similarity of scale about 1 where the points around a centre are."""
+    turn = Transform.planar(0.0, 0.0, yaw_of(S))
+    shift = moved(S, centre_m[None])[0] - turn.apply(centre_m[None])[0]
+    return Transform.planar(float(shift[0]), float(shift[1]), yaw_of(S))
+
+
+def _not_judged(pair: TruePair, a: ReadyMap, b: ReadyMap) -> str | None:
+    if pair.suspect:
+        return "the list calls its truth suspect"
+    if pair.kind == "unrelated":
+        return None
+    scale = scale_of(in_metres(*_frames(pair, a, b), _of(pair)))
+    if abs(math.log(scale)) > math.log1p(_SAME_SCALE):
+        return f"the truth makes B {scale:.2f} times as large as its resolution does: its scale is not known"
+    return None
+
+
+def _frames(pair: TruePair, a: ReadyMap, b: ReadyMap) -> tuple[Frame, Frame]:
+    if a.image is None or b.image is None:
+        raise UsageError(f"the truth of {pair.id} is told in pixels, and one of its maps has none")
+    return a.image, b.image
+
+
+def _of(pair: TruePair) -> Similarity:
+    if pair.T_px_a_b is None:
+        raise UsageError(f"{pair.id} tells no transform")
+    return pair.T_px_a_b
+
+
+def _similarity(hypothesis: Hypothesis) -> Similarity:
+    return planar(hypothesis.match.T_receiver_donor, hypothesis.match.scale)
+
+
+def _turn_deg(pair: TruePair, T: Similarity) -> float:
+    difference = yaw_of(T) - yaw_of(_of(pair))
+    return abs(math.degrees(math.atan2(math.sin(difference), math.cos(difference))))
