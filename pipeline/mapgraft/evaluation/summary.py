@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from statistics import fmean
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,7 +99,11 @@ class Summary:
 
 @dataclass(frozen=True, slots=True)
 class Times:
-    """Wall clock in milliseconds: per match; per further scan with the merge standing, and without any."""
+    """Wall clock in milliseconds over pairs.
+
+    ``match_ms``: one match. The others are per further scan, on average over those of a pair: ``integrate_ms`` what it
+    takes to map it, ``verify_ms`` what it takes more when a merge stands.
+    """
 
     match_ms: Spread
     verify_ms: Spread
@@ -152,8 +157,8 @@ def times_of(scored: Sequence[Scored]) -> Times:
     """How long matching, verifying and mapping took."""
     return Times(
         spread([1e3 * one.match_s for one in scored if one.match_s is not None]),
-        spread([1e3 * verified_s for one in scored for verified_s in one.verified_s]),
-        spread([1e3 * integrated_s for one in scored for integrated_s in one.integrated_s]),
+        spread([1e3 * fmean(one.verified_s) for one in scored if one.verified_s]),
+        spread([1e3 * fmean(one.integrated_s) for one in scored if one.integrated_s]),
     )
 
 

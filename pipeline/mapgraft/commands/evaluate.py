@@ -1,0 +1,91 @@
+"""``mapgraft evaluate``: how good a matcher, an acceptor and a verifier are on recordings whose poses are trusted."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from mapgraft.config import Config
+from mapgraft.console import cell, print_json, remarks, results
+from mapgraft.errors import OutputError, UsageError
+from mapgraft.evaluation.bench import Settings
+from mapgraft.evaluation.document import document
+from mapgraft.evaluation.evaluating import Evaluation, evaluate
+from mapgraft.evaluation.tables import Column, print_tables
+from mapgraft.job import as_config, provenance_of
+from mapgraft.plugins import Plugins, load_plugins
+
+STDOUT = "-"
+
+
+def evaluate_and_show(
+    files: Sequence[Path],
+    config: Path | None,
+    settings: Settings,
+    *,
+    jobs: int,
+    quiet: bool,
+    json_out: str | None,
+    without: Sequence[str],
+) -> None:
+    """Evaluate, print the tables or JSON, and write JSON to a file if one is named."""
+    if not files:
+        raise UsageError("name recordings whose poses can be trusted: mapgraft evaluate FILE…")
+    if json_out is not None and json_out != STDOUT and not Path(json_out).absolute().parent.is_dir():
+        raise UsageError(f"the folder of {json_out} does not exist: make it, or write elsewhere")
+    plugins, checked = load_plugins(without), as_config(config)
+    for broken in plugins.broken:
+        remarks().print(cell(f"the plugin {broken.origin.plugin} could not be loaded: {broken.reason}"), style="yellow")
+    evaluation = _with_progress(files, checked, settings, plugins, jobs, quiet=quiet)
+    if json_out is not None:
+        table = evaluation.bench.contenders[0].table
+        content = document(evaluation, provenance_of(files, checked, plugins, table))
+        if json_out == STDOUT:
+            print_json(content)
+            return
+        _write(Path(json_out), json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    for sentence in evaluation.bench.remarks:
+        remarks().print(cell(sentence), style="yellow")
+    print_tables(
+        results(),
+        [
+            Column(title, evaluation.summaries[name], evaluation.times[name])
+            for name, title in evaluation.titles.items()
+        ],
+    )
+
+
+def _with_progress(
+    files: Sequence[Path], config: Config, settings: Settings, plugins: Plugins, jobs: int, *, quiet: bool
+) -> Evaluation:
+    """Evaluate with a bar on stderr."""
+    console = remarks()
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=quiet or not console.is_terminal,
+    )
+    with bar:
+        task = bar.add_task("reading, then pairs (kernels compile on first use)", total=settings.drawing.pairs)
+        return evaluate(
+            files,
+            config,
+            settings,
+            plugins,
+            jobs=jobs,
+            progress=lambda done: bar.update(task, completed=done, description="pairs"),
+        )
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written: {error}") from None

@@ -1,0 +1,149 @@
+"""Where pairs are built and put through the procedures that are compared."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
+
+from mapgraft.assembly import preferred_type
+from mapgraft.config import Config
+from mapgraft.contracts import MapType
+from mapgraft.decision import DecisionTable, build_table, parse_rules
+from mapgraft.errors import UsageError
+from mapgraft.evaluation.building import build
+from mapgraft.evaluation.courses import Course
+from mapgraft.evaluation.drawing import Drawing, PairPlan, draw_pairs
+from mapgraft.evaluation.growth import grow
+from mapgraft.evaluation.scored import Scored, score
+from mapgraft.evaluation.trial import attempt, offering
+from mapgraft.plugins import Plugins
+from mapgraft.procedures import Workshop
+from mapgraft.substitution import substituted
+
+JUDGED, BASELINE = "judged", "baseline"
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What is evaluated.
+
+    ``map_type`` None stands for what a run would take; resolutions for those of the configuration or the map type, and
+    ``other_resolution_m``, the donor's, for the receiver's. ``rules`` is a decision table instead of the installed one;
+    ``matcher`` and ``verifier`` take the places of those in it. With ``baseline`` the rules of the paper are put
+    through the same pairs.
+    """
+
+    drawing: Drawing = field(default_factory=Drawing)
+    map_type: str | None = None
+    resolution_m: float | None = None
+    other_resolution_m: float | None = None
+    rules: Path | None = None
+    matcher: str | None = None
+    verifier: str | None = None
+    baseline: bool = True
+
+    def __post_init__(self) -> None:
+        for resolution_m in (self.resolution_m, self.other_resolution_m):
+            if resolution_m is not None and not 0.0 < resolution_m < math.inf:
+                raise UsageError(f"a resolution must be above 0 metres, found {resolution_m:g}")
+
+
+@dataclass(frozen=True, slots=True)
+class Contender:
+    """One way to go about a pair: a decision table with everything that it names."""
+
+    name: str
+    table: DecisionTable
+
+    def title(self, rules: Iterable[str]) -> str:
+        """What it is called for persons: by the matchers of the rules that applied, most frequent first."""
+        matchers = {record.rule.name: record.rule.match for record in self.table.records}
+        used = Counter(match.use for name in rules if (match := matchers.get(name)) is not None)
+        said = ", ".join(name for name, _ in used.most_common()) or "no rule applied"
+        return f"{said}, the paper's rules" if self.name == BASELINE else said
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What every contender made of one pair."""
+
+    number: int
+    by: Mapping[str, Scored]
+
+
+@dataclass(slots=True)
+class Bench:
+    """The drawn pairs and everything that is needed to put them through; ``remarks`` tell what was left out.
+
+    Raises UsageError, ConfigError, DecisionTableError or PluginError when something does not fit.
+    """
+
+    courses: Sequence[Course]
+    config: Config
+    plugins: Plugins
+    settings: Settings
+    plans: list[PairPlan] = field(init=False)
+    contenders: list[Contender] = field(init=False)
+    map_type: str = field(init=False)
+    remarks: list[str] = field(init=False)
+    _workshop: Workshop = field(init=False)
+
+    def __post_init__(self) -> None:
+        settings, config = self.settings, self.config
+        self.remarks = [f"{course.robot}: {course.doubt}" for course in self.courses if course.doubt]
+        self._workshop = Workshop(self.plugins)
+        kinds = {observation.kind for course in self.courses for observation in course.observations[:1]}
+        self.map_type = settings.map_type or config.map.type or preferred_type(kinds, self.plugins)
+        self.new_types()
+        table = build_table(self.plugins, settings.rules or config.rules)
+        table = substituted(table, self.plugins, matcher=settings.matcher, verifier=settings.verifier)
+        self._workshop.prepare(table)
+        self.contenders = [Contender(JUDGED, table)]
+        if settings.baseline:
+            self._add_baseline()
+        self.plans = draw_pairs(self.courses, settings.drawing)
+        self.remarks += _left_out(self.courses, settings.drawing)
+
+    def new_types(self) -> tuple[MapType, MapType]:
+        """Map types for a receiver and a donor."""
+        config = self.config.map
+        given = config.parameters if config.type in (None, self.map_type) else {}
+        own_m = self.settings.resolution_m
+        other_m = self.settings.other_resolution_m or own_m
+        own = given if own_m is None else given | {"resolution_m": own_m}
+        other = given if other_m is None else given | {"resolution_m": other_m}
+        make = self._workshop.new_map_type
+        return make(self.map_type, own), make(self.map_type, other)
+
+    def judge(self, number: int) -> Judged:
+        """Build one pair and put it through every contender."""
+        pair = build(self.plans[number], *self.new_types())
+        growth, by = grow(pair), {}
+        for contender in self.contenders:
+            donor = offering(pair, contender.table, self._workshop)
+            trial = attempt(pair, donor, contender.table, self._workshop, self.config.reversal)
+            by[contender.name] = score(pair, trial, growth)
+        return Judged(number, by)
+
+    def _add_baseline(self) -> None:
+        text = files("mapgraft.evaluation").joinpath("paper.yaml").read_text(encoding="utf-8")
+        rules = parse_rules(text, "of the paper")
+        table = build_table(self.plugins, [rule.model_dump(mode="json", exclude_unset=True) for rule in rules])
+        why = table.records[0].lacking or table.records[0].obstacle(self.map_type, self.map_type)
+        if self.map_type != "occupancy_grid" or why is not None:
+            said = why or f"the paper's rules are for occupancy grids, not for {self.map_type}"
+            self.remarks.append(f"no baseline: {said}")
+        else:
+            self.contenders.append(Contender(BASELINE, table))
+
+
+def _left_out(courses: Sequence[Course], drawing: Drawing) -> list[str]:
+    return [
+        f"{course.robot} is left out: it has {len(course)} scans, a window with its further ones takes {drawing.span}"
+        for course in courses
+        if len(course) < drawing.span
+    ]

@@ -1,0 +1,117 @@
+"""The evaluation as one call: recordings and settings in, everything that is known about the pairs out."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapgraft.config import Config
+from mapgraft.errors import UsageError
+from mapgraft.evaluation.bench import Bench, Judged, Settings
+from mapgraft.evaluation.courses import Course, load_courses
+from mapgraft.evaluation.drawing import PairPlan
+from mapgraft.evaluation.statistics import resampled
+from mapgraft.evaluation.summary import Summary, Times, summarize, times_of
+from mapgraft.plugins import Plugins
+
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evaluation:
+    """What came of it: one Judged per plan; titles, summaries and times of the contenders, by their names."""
+
+    bench: Bench
+    judged: Sequence[Judged]
+    titles: Mapping[str, str]
+    summaries: Mapping[str, Summary]
+    times: Mapping[str, Times]
+    elapsed_s: float
+
+
+def evaluate(
+    files: Sequence[Path],
+    config: Config,
+    settings: Settings,
+    plugins: Plugins,
+    *,
+    jobs: int = 1,
+    progress: Progress = lambda done: None,
+) -> Evaluation:
+    """Draw pairs of windows from some recordings, and find out how the procedures for them do.
+
+    ``progress`` is told how many pairs are done. With ``jobs`` above 1 as many processes share the work; what comes
+    out, but for the times, is the same. Raises MapgraftError with one sentence when something does not fit.
+    """
+    if jobs < 1:
+        raise UsageError(f"jobs must be at least 1, found {jobs}")
+    began_s = perf_counter()
+    bench = Bench(load_courses(files, config, plugins), config, plugins, settings)
+    judged = []
+    with _results(bench, min(jobs, len(bench.plans))) as results:
+        for one in results:
+            judged.append(one)
+            progress(len(judged))
+    weights = resampled(blocks_of(bench.plans), settings.drawing.seed)
+    by = {contender.name: [one.by[contender.name] for one in judged] for contender in bench.contenders}
+    return Evaluation(
+        bench,
+        judged,
+        {
+            contender.name: contender.title(scored.rule for scored in by[contender.name])
+            for contender in bench.contenders
+        },
+        {name: summarize(scored, weights) for name, scored in by.items()},
+        {name: times_of(scored) for name, scored in by.items()},
+        perf_counter() - began_s,
+    )
+
+
+def blocks_of(plans: Sequence[PairPlan]) -> NDArray[np.int64]:
+    """The blocks (n, 2) of the windows of each pair, numbered."""
+    numbers: dict[tuple[int, int], int] = {}
+    for plan in plans:
+        for window in (plan.receiver, plan.donor):
+            numbers.setdefault(window.block, len(numbers))
+    return np.array([(numbers[plan.receiver.block], numbers[plan.donor.block]) for plan in plans], np.int64)
+
+
+@contextmanager
+def _results(bench: Bench, jobs: int) -> Iterator[Iterator[Judged]]:
+    """The pairs' results in order, from this process or from several."""
+    numbers = range(len(bench.plans))
+    if jobs == 1:
+        bench.judge(0)  # compiles and loads what there is, so that no time tells of that
+        yield map(bench.judge, numbers)
+        return
+    context = multiprocessing.get_context("spawn")  # a fork would copy locks that other threads hold
+    given = (bench.courses, bench.config, bench.plugins, bench.settings)
+    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin, initargs=given)
+    try:
+        yield pool.map(_judge, numbers)
+        pool.shutdown()
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        raise
+
+
+_bench: list[Bench] = []  # of a process that shares the work
+
+
+def _begin(courses: Sequence[Course], config: Config, plugins: Plugins, settings: Settings) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever asked is interrupted, and ends this process
+    _bench[:] = [Bench(courses, config, plugins, settings)]
+    _bench[0].judge(0)
+
+
+def _judge(number: int) -> Judged:
+    return _bench[0].judge(number)

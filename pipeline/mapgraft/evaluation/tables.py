@@ -1,0 +1,139 @@
+"""What was counted, as tables for persons: one column per procedure, plain text where no terminal is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from rich.console import Console
+from rich.table import Table
+
+from mapgraft.console import cell
+from mapgraft.evaluation.statistics import Area, Share, Spread
+from mapgraft.evaluation.summary import Summary, Times
+
+_WIDTH = 160
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One procedure: its name for persons, and what was counted and timed of it."""
+
+    title: str
+    summary: Summary
+    times: Times
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    name: str
+    text: Callable[[Column], str]
+
+
+def print_tables(console: Console, columns: Sequence[Column], *, most: int = 30) -> None:
+    """Print what was counted and how well each number tells right from wrong, at most ``most`` numbers."""
+    if not console.is_terminal:
+        console.width = max(console.width, _WIDTH)  # nobody's window: whole lines
+    table = _table(columns)
+    for title, rows in _parts(columns).items():
+        table.add_row(cell(title), style="bold")
+        for row in rows:
+            table.add_row(cell(f"  {row.name}"), *(cell(row.text(column)) for column in columns))
+    names = _telling(columns)[:most]
+    if names:
+        table.add_row(cell("area under the curve, right against wrong"), style="bold")
+    for name in names:
+        table.add_row(cell(f"  {name}"), *(cell(auc(column.summary.auc.get(name))) for column in columns))
+    console.print(table)
+
+
+def _table(columns: Sequence[Column]) -> Table:
+    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column("")
+    for column in columns:
+        table.add_column(cell(column.title))
+    return table
+
+
+def _parts(columns: Sequence[Column]) -> Mapping[str, Sequence[_Row]]:
+    bins = range(len(columns[0].summary.recall))
+    return {
+        "pairs": [
+            _Row("all", lambda c: f"{c.summary.pairs}"),
+            _Row("of which across recordings", lambda c: f"{c.summary.across}"),
+            _Row("turned away by the decision table", lambda c: f"{c.summary.rejected}"),
+            _Row("best hypothesis right / wrong / none", _hypotheses),
+        ],
+        "right hypothesis on top, by true overlap": [
+            *(_recall_row(columns[0].summary.recall[number].overlap, number) for number in bins),
+            _Row(">= .3", lambda c: percent(c.summary.recall_from_some_overlap)),
+        ],
+        "merged at once": [
+            _Row("right, of all pairs", lambda c: percent(c.summary.acceptance.right)),
+            _Row("right, of right hypotheses at overlap >= .5", lambda c: percent(c.summary.acceptance.right_of_right)),
+            _Row("wrong, of all pairs", lambda c: percent(c.summary.acceptance.wrong)),
+            _Row("wrong, of wrong hypotheses", lambda c: percent(c.summary.acceptance.wrong_of_wrong)),
+            _Row("wrong, of pairs across recordings", lambda c: percent(c.summary.acceptance.wrong_across)),
+            _Row("ambiguous", lambda c: f"{c.summary.acceptance.ambiguous}"),
+        ],
+        "after further mapping": [
+            _Row("wrong and confirmed, of all pairs", lambda c: percent(c.summary.afterwards.wrong_confirmed)),
+            _Row("wrong and provisional, of all pairs", lambda c: percent(c.summary.afterwards.wrong_provisional)),
+            _Row("wrong merges reverted", lambda c: percent(c.summary.afterwards.wrong_reverted)),
+            _Row("right merges reverted", lambda c: percent(c.summary.afterwards.right_reverted)),
+            _Row("right merges confirmed", lambda c: percent(c.summary.afterwards.right_confirmed)),
+            _Row(
+                "the same with >= 4 m of new wall", lambda c: percent(c.summary.afterwards.right_confirmed_on_new_wall)
+            ),
+        ],
+        "covariance of right hypotheses": [
+            _Row("truth inside the 95 % ellipse", lambda c: percent(c.summary.covariance.inside)),
+            _Row("flagged degenerate", lambda c: percent(c.summary.covariance.degenerate)),
+            _Row("without a covariance", lambda c: f"{c.summary.covariance.without}"),
+        ],
+        "time, median (95th percentile)": [
+            _Row("match", lambda c: milliseconds(c.times.match_ms)),
+            _Row("verify, per scan", lambda c: milliseconds(c.times.verify_ms)),
+            _Row("map a scan", lambda c: milliseconds(c.times.integrate_ms)),
+        ],
+    }
+
+
+def _recall_row(name: str, number: int) -> _Row:
+    return _Row(name, lambda c: percent(c.summary.recall[number].recall))
+
+
+def _hypotheses(column: Column) -> str:
+    return f"{column.summary.right} / {column.summary.wrong} / {column.summary.without_hypothesis}"
+
+
+def _telling(columns: Sequence[Column]) -> list[str]:
+    """The numbers by how well they tell, in the first column that has them; details of metrics left out."""
+    tells: dict[str, float] = {}
+    for column in columns:
+        for name, area in column.summary.auc.items():
+            if not math.isnan(area.value) and ("." not in name or name.startswith("evidence.")):
+                tells.setdefault(name, max(area.value, 1.0 - area.value))
+    return sorted(tells, key=lambda name: -tells[name])
+
+
+def percent(share: Share) -> str:
+    """``97.3 % (95.1–98.8) 110/113``; a dash where there is nothing to count."""
+    if share.of == 0:
+        return "-"
+    decimals = 1 if min(share.value, 1.0 - share.value) >= 0.01 or share.count in (0, share.of) else 2
+    value, low, high = (f"{100.0 * number:.{decimals}f}" for number in (share.value, share.low, share.high))
+    return f"{value} % ({low}–{high}) {share.count}/{share.of}"
+
+
+def auc(area: Area | None) -> str:
+    """``0.963 (0.950–0.980)``; a dash where it cannot be told."""
+    if area is None or math.isnan(area.value):
+        return "-"
+    return f"{area.value:.3f} ({area.low:.3f}–{area.high:.3f})"
+
+
+def milliseconds(spread: Spread) -> str:
+    """``12.3 ms (45.6)``; a dash where nothing was timed."""
+    return "-" if spread.count == 0 else f"{spread.median:.3g} ms ({spread.p95:.3g})"
