@@ -201,6 +201,38 @@ def match(
     judge_and_show(lists, asked, out, as_json=json)
 
 
+@app.command()
+def evaluate(
+    files: Annotated[list[Path], typer.Argument(help="Recordings whose poses can be trusted, each of another place.")],
+    pairs: Annotated[int, typer.Option(help="How many pairs of windows to draw.")] = 200,
+    scans: Annotated[int, typer.Option(help="Scans of a window.")] = 30,
+    further: Annotated[int, typer.Option(help="Scans that the receiver maps on.")] = 10,
+    across: Annotated[float, typer.Option(help="Share of pairs across recordings, where there are several.")] = 0.5,
+    resolution: Annotated[float | None, typer.Option(help="The receiver's resolution (m).")] = None,
+    other_resolution: Annotated[float | None, typer.Option(help="The donor's resolution (m).")] = None,
+    seed: Annotated[int, typer.Option(help="Another seed draws other pairs.")] = 0,
+    matcher: Annotated[str | None, typer.Option(help="A matcher in the place of the rules' own.")] = None,
+    verifier: Annotated[str | None, typer.Option(help="A verifier in the place of the rules' own.")] = None,
+    rules: Annotated[Path | None, typer.Option("--rules", help="A decision table to try instead.")] = None,
+    map_type: Annotated[str | None, typer.Option("--type", help="Map type, if not the one a run would take.")] = None,
+    baseline: Annotated[bool, typer.Option(help="The paper's rules on the same pairs, too.")] = True,
+    config: ConfigFile = None,
+    jobs: Annotated[int, typer.Option(help="Processes to share the work.")] = 1,
+    json: Annotated[str | None, typer.Option("--json", help="Write JSON to this file; - prints it instead.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+    no_plugin: NoPlugin = None,
+    debug: Debug = False,
+) -> None:
+    """Judge a matcher, its acceptance and its verification on pairs of maps from recordings with trusted poses."""
+    from mapgraft.commands.evaluate import evaluate_and_show
+    from mapgraft.evaluation.bench import Settings
+    from mapgraft.evaluation.drawing import Drawing
+
+    drawing = Drawing(pairs, scans, further, across, seed)
+    settings = Settings(drawing, map_type, resolution, other_resolution, rules, matcher, verifier, baseline)
+    evaluate_and_show(files, config, settings, jobs=jobs, quiet=quiet, json_out=json, without=no_plugin or [])
+
+
 @plugins_app.command("list")
 def plugins_list(json: Json = False, no_plugin: NoPlugin = None, debug: Debug = False) -> None:
     """Every plugin with what it offers, and those that could not be loaded."""
