@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,27 +89,34 @@ def observations(made: Drive, robot: str = "robot") -> list[Observation]:
 
 def record(building: Building, seed: int, scans: int = 400) -> Drive:
     """One drive with its truth. Raises ConfigError where the building has no room to drive."""
-    root = np.random.SeedSequence([building.seed, KINDS.index(building.kind), seed, _SALT])
-    motion_rng, sensor_rng, pose_rng, world_rng = (np.random.default_rng(child) for child in root.spawn(4))
-    sensor = draw_sensor(sensor_rng)
-    sightings = tuple(_sightings(building, sensor, scans, motion_rng, sensor_rng, world_rng))
+    random = streams(building, seed)
+    sensor = draw_sensor(random.sensor)
+    sightings = tuple(_sightings(building, sensor, scans, random))
     poses = np.array([sighting.pose for sighting in sightings])
-    return Drive(sensor, sightings, poses, _believed(poses, _draw_error(pose_rng), pose_rng))
+    return Drive(sensor, sightings, poses, _believed(poses, _draw_error(random.poses), random.poses))
 
 
-def _sightings(
-    building: Building,
-    sensor: Sensor,
-    scans: int,
-    motion_rng: np.random.Generator,
-    sensor_rng: np.random.Generator,
-    world_rng: np.random.Generator,
-) -> Iterator[Sighting]:
+class Streams(NamedTuple):
+    """Random numbers of one drive, apart for what should not disturb each other."""
+
+    motion: np.random.Generator
+    sensor: np.random.Generator
+    poses: np.random.Generator
+    world: np.random.Generator
+
+
+def streams(building: Building, seed: int) -> Streams:
+    """The random numbers of the drive of a seed through a building; ``world`` first draws how its doors stand."""
+    root = np.random.SeedSequence([building.seed, KINDS.index(building.kind), seed, _SALT])
+    return Streams(*(np.random.default_rng(child) for child in root.spawn(4)))
+
+
+def _sightings(building: Building, sensor: Sensor, scans: int, random: Streams) -> Iterator[Sighting]:
     """Scans along the way, each from where the robot moved or turned enough since the one before."""
     traits = building.traits
-    pace, people = _draw_pace(motion_rng), People(traits.people, world_rng)
+    pace, people = _draw_pace(random.motion), People(traits.people, random.world)
     stamp_s, last = 0.0, None
-    for pose, solid in _way(building, motion_rng, world_rng):
+    for pose, solid in _way(building, random.motion, random.world):
         if last is not None:
             moved, turned = math.dist(pose[:2], last[:2]), abs(math.remainder(pose[2] - last[2], 2.0 * math.pi))
             if moved < pace.every_m and turned < pace.every_rad:
@@ -119,7 +127,7 @@ def _sightings(
         yield Sighting(
             START_NS + round(stamp_s * 1e9),
             pose,
-            sense(sensor, pose, seen, building.glass, traits.glass_reflects, sensor_rng),
+            sense(sensor, pose, seen, building.glass, traits.glass_reflects, random.sensor),
         )
         scans -= 1
         if not scans:
@@ -158,8 +166,8 @@ def _scene(building: Building, visit: Visit, robot_m: float) -> tuple[Segments, 
 
 
 def _draw_pace(rng: np.random.Generator) -> Pace:
-    """Half of the robots scan about every metre or 30 degrees, as those of many public logs; the others oftener."""
-    sparse = rng.random() < 0.5
+    """Most robots scan about every metre or 30 degrees, as those of many public logs; the others oftener."""
+    sparse = rng.random() < 0.6
     return Pace(
         every_m=float(rng.uniform(0.85, 1.05) if sparse else rng.uniform(0.3, 0.85)),
         every_rad=math.radians(float(rng.uniform(25.0, 32.0) if sparse else rng.uniform(12.0, 30.0))),

@@ -117,11 +117,11 @@ def _offices(floor: Floor) -> None:
     depth, half = traits.room_depth_m, traits.corridor_m / 2
     between = (2 * depth + 2 * half + 0.2, 2 * depth + 2 * half + float(rng.choice([0.3, 6.0])))
     if shape == "one":
-        xs, ys, kept = [0.0, rng.uniform(22.0, 55.0)], [0.0], 1.0
+        xs, ys, kept = [0.0, rng.uniform(22.0, 70.0)], [0.0], 1.0
     elif shape == "ell":
-        xs, ys, kept = [0.0, rng.uniform(15.0, 35.0)], [0.0, rng.uniform(15.0, 30.0)], 0.0
+        xs, ys, kept = [0.0, rng.uniform(15.0, 45.0)], [0.0, rng.uniform(15.0, 30.0)], 0.0
     elif shape == "ring":
-        xs, ys, kept = [0.0, rng.uniform(18.0, 36.0)], _lines(rng, 2, between, True), 1.0
+        xs, ys, kept = [0.0, rng.uniform(18.0, 45.0)], _lines(rng, 2, between, True), 1.0
     else:
         xs, ys, kept = (
             _lines(rng, 3, (between[0], between[1] + 8.0), rng.random() < 0.5),
@@ -147,7 +147,7 @@ def _corridors(floor: Floor) -> None:
     traits, rng = floor.traits, floor.rng
     alike = rng.random() < 0.5
     columns, rows = int(rng.integers(2, 4)), int(rng.integers(1, 4))
-    spacing = (12.0, 24.0)
+    spacing = (12.0, 32.0)
     pieces = _web(floor, _lines(rng, columns, spacing, alike), _lines(rng, rows, spacing, alike), rng.uniform(0.3, 1.0))
     half = traits.corridor_m / 2
     every, deep, wide = rng.uniform(3.0, 9.0), rng.uniform(0.8, 2.0), rng.uniform(0.9, 2.5)
@@ -167,7 +167,7 @@ def _corridors(floor: Floor) -> None:
 def _castle(floor: Floor) -> None:
     """Bands of rooms, each room opening into the next; some with a gallery along them or a court between them."""
     traits, rng = floor.traits, floor.rng
-    bands, rooms = int(rng.integers(1, 4)), int(rng.integers(4, 10))
+    bands, rooms = int(rng.integers(1, 4)), int(rng.integers(5, 12))
     gallery = rng.random() < 0.4
     y = 0.0
     if gallery:

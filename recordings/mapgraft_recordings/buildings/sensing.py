@@ -49,7 +49,7 @@ def draw_sensor(rng: np.random.Generator) -> Sensor:
     return Sensor(
         beams=beams,
         field_rad=math.radians(degrees),
-        max_m=float(rng.choice([8.0, 12.0, 20.0, 30.0, 50.0, 80.0])),
+        max_m=float(rng.choice(_REACHES_M, p=_REACH_SHARES)),
         noise_m=float(rng.uniform(0.005, 0.03)),
         step_m=float(rng.choice([0.001, 0.01, 0.05], p=[0.3, 0.5, 0.2])),
         edge=float(rng.uniform(0.0, 0.4)),
@@ -60,7 +60,9 @@ def draw_sensor(rng: np.random.Generator) -> Sensor:
 
 
 _LAYOUTS = ((180, 179.0), (181, 180.0), (360, 179.5), (361, 180.0), (541, 270.0), (360, 359.0), (720, 359.5))
-_SHARES = (0.3, 0.15, 0.15, 0.15, 0.1, 0.1, 0.05)
+_SHARES = (0.4, 0.14, 0.14, 0.12, 0.08, 0.08, 0.04)
+_REACHES_M = (8.0, 12.0, 20.0, 30.0, 50.0, 80.0)
+_REACH_SHARES = (0.1, 0.1, 0.15, 0.2, 0.2, 0.25)
 
 
 def sense(

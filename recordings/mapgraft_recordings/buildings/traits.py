@@ -15,7 +15,8 @@ class Traits:
 
     ``copied`` is the share of rooms that are exact copies of the building's model room of their size; the others are
     furnished anew. ``relief`` is the number of niches, pilasters and radiators per metre of wall face, ``relief_m``
-    how deep they are, ``crooked_m`` how far the corners of a wall face lie off its line.
+    how deep they are, ``crooked_m`` how far the corners of a wall face lie off its line. ``sidelights`` is the share of
+    doors with a narrow pane beside them, through which a little of the room is seen.
     """
 
     kind: str
@@ -39,6 +40,7 @@ class Traits:
     crooked_m: float
     glass_outside: float
     glass_inside: float
+    sidelights: float
     glass_reflects: float
     people: float
     changes: float
@@ -92,13 +94,14 @@ def draw_traits(kind: str, rng: np.random.Generator) -> Traits:
         size_varies=float(rng.choice([0.0, 0.0, rng.uniform(0.05, 0.5)])),
         copied=float(rng.choice([0.0, 0.0, rng.uniform(0.0, 1.0), 1.0])),
         mirrored=bool(rng.random() < 0.4),
-        clutter=float(rng.choice([rng.uniform(0.1, 0.6), rng.uniform(0.6, 1.6)])),
+        clutter=float(rng.choice([rng.uniform(0.15, 0.7), rng.uniform(0.7, 2.0)])),
         relief=rng.uniform(0.0, 0.5),
         relief_m=rng.uniform(0.04, 0.15) * (1.6 if kind == "castle" else 1.0),
         regular_relief=bool(rng.random() < 0.5),
         crooked_m=float(rng.choice([0.0, rng.uniform(0.0, 0.025)])),
         glass_outside=rng.uniform(0.1, 0.7) if glassy else 0.0,
-        glass_inside=float(rng.choice([0.0, rng.uniform(0.05, 0.4)], p=[0.75, 0.25])),
+        glass_inside=float(rng.choice([0.0, rng.uniform(0.05, 0.4)], p=[0.7, 0.3])),
+        sidelights=float(rng.choice([0.0, rng.uniform(0.1, 0.9)])),
         glass_reflects=rng.uniform(0.05, 0.6),
         people=float(rng.choice([0.0, rng.uniform(0.02, 0.3)])),
         changes=float(rng.choice([0.0, rng.uniform(0.1, 0.8)])),

@@ -74,7 +74,8 @@ def _build(
     thickness = traits.outer_wall_m if outside else traits.wall_m
     start = wall.low_m - thickness / 2
     for door in sorted(doors, key=lambda door: door.low_m):
-        _piece(made, wall, start, door.low_m, thickness, traits, rng)
+        end = _sidelight(made, wall, start, door.low_m, thickness, traits, rng)
+        _piece(made, wall, start, end, thickness, traits, rng)
         start = door.high_m
         if door.leaf:
             made.leaves.append(_leaf(wall, door, cells, thickness, rng))
@@ -102,6 +103,18 @@ def _leaf(wall: Border, door: Doorway, cells: Sequence[Cell], thickness: float, 
 def _across(wall: Border, along_m: float, length_m: float, depth_m: float) -> Outline:
     x, y = wall.point(along_m)
     return box(x, y, depth_m, length_m) if wall.upright else box(x, y, length_m, depth_m)
+
+
+def _sidelight(
+    made: Shell, wall: Border, start: float, end: float, thickness: float, traits: Traits, rng: np.random.Generator
+) -> float:
+    """Maybe a narrow pane between the wall from ``start`` and the door at ``end``; where the wall then ends."""
+    width = float(rng.uniform(0.1, 0.5))
+    if rng.random() >= traits.sidelights or end - start < width + 0.5:
+        return end
+    made.solid.append(_across(wall, end - 0.04, 0.08, thickness))
+    made.glass.append(_across(wall, end - 0.08 - width / 2, width, 0.02))
+    return end - 0.08 - width
 
 
 def _piece(
