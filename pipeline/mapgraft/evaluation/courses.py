@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.config import Config
 from mapgraft.contracts import GRID_MESSAGE, Observation, Transform
-from mapgraft.errors import RecordingError
+from mapgraft.errors import RecordingError, UsageError
 from mapgraft.plugins import Plugins
 
 if TYPE_CHECKING:
@@ -43,6 +44,13 @@ class Course:
     poses: str
     doubt: str
 
+    @classmethod
+    def of(cls, number: int, robot: str, place: str, observations: Iterable[Observation]) -> Self:
+        """What a robot observed, with true poses in the one frame of a place, from wherever the observations come."""
+        made = tuple(observations)
+        stamps_ns = np.array([observation.stamp_ns for observation in made], np.int64)
+        return cls(number, robot, (place,), place, Transform.identity(), made, stamps_ns, "given", "")
+
     def __len__(self) -> int:
         return len(self.observations)
 
@@ -59,7 +67,7 @@ def load_courses(paths: Sequence[Path], config: Config, plugins: Plugins) -> lis
     """Read everything that the robots of some files observed; ready-made maps are left out, they are no windows.
 
     Raises RecordingError when a file cannot be read or holds nothing of that kind, ConfigError when the configuration
-    speaks of what is not there.
+    speaks of what is not there, UsageError when two files hold the same.
     """
     from mapgraft.recording.mission import nothing_to_map, open_mission
 
@@ -71,7 +79,14 @@ def load_courses(paths: Sequence[Path], config: Config, plugins: Plugins) -> lis
         if not any(seen.values()):
             raise RecordingError(nothing_to_map(mission))
         some = [source for source in mission.robots if seen[source.name]]
-        return [_course(number, source, seen[source.name], mission) for number, source in enumerate(some)]
+        courses = [_course(number, source, seen[source.name], mission) for number, source in enumerate(some)]
+    for a, b in combinations(courses, 2):
+        if a.files != b.files and _same_path(a, b):
+            raise UsageError(
+                f"{a.recording} and {b.recording} hold the same recording, so that pairs across them would match: "
+                "name each recording once"
+            )
+    return courses
 
 
 def _course(number: int, source: RobotSource, observations: Sequence[Observation], mission: Mission) -> Course:
@@ -88,3 +103,11 @@ def _course(number: int, source: RobotSource, observations: Sequence[Observation
         source.poses,
         _DOUBTFUL.get(source.drift, ""),
     )
+
+
+def _same_path(a: Course, b: Course) -> bool:
+    """Whether two robots made all their observations at the same places."""
+    if len(a) != len(b):
+        return False
+    ours, theirs = ([o.T_map_base.matrix for o in course.observations] for course in (a, b))
+    return bool(np.allclose(ours, theirs, atol=1e-6))

@@ -52,11 +52,26 @@ def evaluate(
     ``progress`` is told how many pairs are done. With ``jobs`` above 1 as many processes share the work; what comes
     out, but for the times, is the same. Raises MapgraftError with one sentence when something does not fit.
     """
-    if jobs < 1:
-        raise UsageError(f"jobs must be at least 1, found {jobs}")
+    _check_jobs(jobs)
+    return evaluate_courses(
+        load_courses(files, config, plugins), config, settings, plugins, jobs=jobs, progress=progress
+    )
+
+
+def evaluate_courses(
+    courses: Sequence[Course],
+    config: Config,
+    settings: Settings,
+    plugins: Plugins,
+    *,
+    jobs: int = 1,
+    progress: Progress = lambda done: None,
+) -> Evaluation:
+    """As ``evaluate``, of what is in memory already."""
+    _check_jobs(jobs)
     began_s = perf_counter()
-    bench = Bench(load_courses(files, config, plugins), config, plugins, settings)
-    judged = []
+    bench = Bench(courses, config, plugins, settings)
+    judged: list[Judged] = []
     with _results(bench, min(jobs, len(bench.plans))) as results:
         for one in results:
             judged.append(one)
@@ -74,6 +89,11 @@ def evaluate(
         {name: times_of(scored) for name, scored in by.items()},
         perf_counter() - began_s,
     )
+
+
+def _check_jobs(jobs: int) -> None:
+    if jobs < 1:
+        raise UsageError(f"jobs must be at least 1, found {jobs}")
 
 
 def blocks_of(plans: Sequence[PairPlan]) -> NDArray[np.int64]:
