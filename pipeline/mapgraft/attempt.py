@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from mapgraft.comparison import Compared, Sight
@@ -12,26 +12,55 @@ from mapgraft.contracts import (
     Contribution,
     Donation,
     Layer,
+    Map,
     MapType,
     Match,
     Measurement,
     Prior,
     Step,
-    Transform,
 )
 from mapgraft.errors import MapError
-from mapgraft.persons import same_place
 from mapgraft.procedures import Tools, Workshop, blaming
+from mapgraft.refusals import Refusals
+from mapgraft.registration import Lie, Move, find_move
 from mapgraft.reversal import Reversal
+
+
+@dataclass(slots=True)
+class Meeting:
+    """The map type in which receiver and donor are compared, and how each side gets there.
+
+    ``donor_layer`` is the donor's layer in the meeting type, ``donation`` what the fuser gets: in the receiver's type
+    where a conversion leads there, else as the donor sent it.
+    """
+
+    map_type: MapType
+    sight: Sight
+    donor_layer: Layer
+    donation: Donation
+    _source: Map | None = None
+
+    @property
+    def target(self) -> Map:
+        """The receiver's compared map as of now."""
+        return self.sight()[1]
+
+    @property
+    def source(self) -> Map:
+        """The donor's map in its own frame; always the same object, so that matchers may keep what they make of it."""
+        if self._source is None:
+            self._source = self.map_type.view(self.donor_layer)
+        return self._source
 
 
 @dataclass(frozen=True, slots=True)
 class Grafted:
-    """A match made into a contribution, and what metrics will see of it from now on."""
+    """A match made into a contribution, where the two maps met, and what metrics will see of it from now on."""
 
     match: Match
     contribution: Contribution
     comparison: Compared
+    meeting: Meeting
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,29 +75,15 @@ class Attempt:
     grafted: Grafted | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Meeting:
-    """The map type in which receiver and donor are compared, and how each side gets there.
-
-    ``donor_layer`` is the donor's layer in the meeting type, ``donation`` what the fuser gets: in the receiver's type
-    where a conversion leads there, else as the donor sent it.
-    """
-
-    map_type: MapType
-    sight: Sight
-    donor_layer: Layer
-    donation: Donation
-
-
 @dataclass(slots=True)
 class Attempts:
-    """Makes attempts for one receiver, and remembers the transforms that were refused, per donor."""
+    """Makes attempts for one receiver, and leaves out the transforms that are refused."""
 
     workshop: Workshop
     own_type: MapType
     reversal: Reversal
     sights: dict[str, Sight] = field(default_factory=dict)
-    refused: dict[str, list[Transform]] = field(default_factory=dict)
+    refusals: Refusals = field(default_factory=Refusals)
 
     def make(self, tools: Tools, donation: Donation, prior: Prior | None, about_m: Sequence[float]) -> Attempt:
         """One attempt with the donor's layer as it is now; ``about_m`` is where the donor's map is, in its frame.
@@ -84,35 +99,52 @@ class Attempts:
 
     def _try(self, tools: Tools, donation: Donation, prior: Prior | None, about_m: Sequence[float]) -> Attempt:
         meeting = self._meet(donation, tools.rule.via)
-        target, source = meeting.sight()[1], meeting.map_type.view(meeting.donor_layer)
+        target, source = meeting.target, meeting.source
         empty = [side for side, map_ in (("own", target), ("donor's", source)) if map_.known() == 0]
         if empty:
             return Attempt("unmatched", f"the {' and the '.join(empty)} map knows nothing yet", 0)
         found = tools.matcher.match(target, source, prior)
         donor = donation.provenance.source
-        matches = [match for match in found if not self.is_refused(donor, match.T_receiver_donor, about_m)]
-        if not matches:
-            said = (
-                "the matcher found no hypothesis" if not found else f"all {len(found)} hypotheses were reverted before"
-            )
+        sifted = self.refusals.sift(donor, found, tools.rule.retry.reverted, about_m)
+        if not sifted.matches:
+            said = f"all {len(found)} hypotheses were reverted before: {sifted.refused}"
+            said = said if found else "the matcher found no hypothesis"
             return Attempt("unmatched", said, len(found), found[0] if found else None)
-        return self._accept(tools, meeting, matches, len(found))
+        attempt = self._accept(tools, meeting, sifted.matches, len(found))
+        if attempt.grafted and (overcome := self.refusals.overcome(donor, attempt.grafted.match, about_m)):
+            return replace(attempt, reason=f"{attempt.reason}; {overcome}")
+        return attempt
 
-    def graft(self, tools: Tools, donation: Donation, match: Match) -> Grafted:
+    def meet(self, tools: Tools, donation: Donation) -> Meeting:
+        """Where a donor's layer meets the receiver's by a rule; raises what a plugin raises, as ``graft``."""
+        with blaming(tools):
+            return self._meet(donation, tools.rule.via)
+
+    def graft(self, tools: Tools, meeting: Meeting, match: Match) -> Grafted:
         """The contribution of a donor's layer under a match that has been accepted.
 
         Raises MapError when a plugin refuses it, PluginError when one fails in any other way.
         """
         with blaming(tools):
-            return self._graft(tools, self._meet(donation, tools.rule.via), match)
+            return self._graft(tools, meeting, match)
 
-    def refuse(self, donor: str, T_receiver_donor: Transform) -> None:
-        """Never again this transform, or one that hardly differs from it."""
-        self.refused.setdefault(donor, []).append(T_receiver_donor)
+    def find_move(self, tools: Tools, meeting: Meeting, standing: Match, lie: Lie) -> Move | None:
+        """A better transform for a standing merge, by the rule's matcher; None where it stands well.
 
-    def is_refused(self, donor: str, T_receiver_donor: Transform, about_m: Sequence[float]) -> bool:
-        """Whether the transform puts the donor's map where it was taken out before."""
-        return any(same_place(T, T_receiver_donor, about_m) for T in self.refused.get(donor, ()))
+        A place from which the donor was taken out before is none, nor is one for a matcher that refuses the maps.
+        Raises PluginError when the matcher fails in any other way.
+        """
+        try:
+            with blaming(tools):
+                move = find_move(tools.matcher, meeting.target, meeting.source, standing, lie)
+        except MapError:
+            return None
+        if move is None:
+            return None
+        donor = meeting.donation.provenance.source
+        here = self.refusals.at(donor, standing.T_receiver_donor, lie.about_m)
+        there = self.refusals.at(donor, move.match.T_receiver_donor, lie.about_m)
+        return None if any(refusal not in here for refusal in there) else move
 
     def changed(self) -> None:
         """The receiver's map has changed."""
@@ -144,7 +176,7 @@ class Attempts:
         T = contribution.T_receiver_donor
         sight, subject = meeting.sight, self.reversal.subject
         compared = Compared(meeting.map_type, subject, T, match, placed, sight, converted=sight.conversion is not None)
-        return Grafted(match, contribution, compared)
+        return Grafted(match, contribution, compared, meeting)
 
     def _meet(self, donation: Donation, via: str | None) -> Meeting:
         own, other = self.own_type.name, donation.layer.map_type

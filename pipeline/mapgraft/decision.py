@@ -57,15 +57,43 @@ class Measuring(BaseModel):
 
 
 class Logged(Section):
-    """Metrics that are measured and written, each ``every`` observations, but judge nothing."""
+    """How often a merge that goes on as before is written down, in observations of the receiver.
 
-    metrics: list[str]
-    every: int = Field(default=10, ge=1)
+    ``metrics`` are measured and written at that rhythm, too, but judge nothing. Where ``every`` is None it is every
+    tenth of what is judged.
+    """
+
+    metrics: list[str] = Field(default_factory=list)
+    every: int | None = Field(default=None, ge=1)
 
 
 class Verification(Measuring):
+    """The verifier measures and judges ``every`` so many observations of the receiver."""
+
     every: int = Field(default=10, ge=1)
-    log: Logged | None = None
+    log: Logged = Logged()
+
+    @property
+    def told_every(self) -> int:
+        """How many observations lie between two lines in the record, while nothing changes."""
+        return self.log.every or 10 * self.every
+
+
+class Retry(Section):
+    """When a pair that was not merged is tried again, and a transform that was reverted is taken again.
+
+    ``growth`` is the share by which the known area of one of the two maps must have grown since the last attempt, and
+    ``reverted`` the factor by which the score of a reverted transform must have grown since.
+    """
+
+    growth: float = Field(default=0.1, ge=0.0, allow_inf_nan=False)
+    reverted: float = Field(default=1.5, ge=1.0, allow_inf_nan=False)
+
+
+class Refine(Section):
+    """How often the transform of a standing merge is registered anew, in observations of the receiver; None: never."""
+
+    every: int | None = Field(default=50, ge=1)
 
 
 class Rule(Section):
@@ -82,6 +110,8 @@ class Rule(Section):
     fuse: Choice | None = None
     verify: Verification | None = None
     reverse: Reverse = Reverse()
+    retry: Retry = Retry()
+    refine: Refine = Refine()
     metrics: dict[str, dict[str, Any]] = Field(default_factory=dict)
     candidates: int = Field(default=4, ge=1)
     priority: int = 0
@@ -126,8 +156,8 @@ class Procedure:
     @property
     def metric_names(self) -> tuple[str, ...]:
         """All metrics of the rule, each once, in the order in which they are named."""
-        logged = self.verify.log.metrics if self.verify.log else ()
-        return tuple(dict.fromkeys((*self.accept.metric_names, *self.verify.metric_names, *logged)))
+        named = (*self.accept.metric_names, *self.verify.metric_names, *self.verify.log.metrics)
+        return tuple(dict.fromkeys(named))
 
 
 @dataclass(frozen=True, slots=True)

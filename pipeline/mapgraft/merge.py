@@ -3,49 +3,98 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import reduce
-from typing import Literal
+from typing import Final, Literal
 
+from mapgraft.attempt import Grafted, Meeting
 from mapgraft.comparison import Compared
 from mapgraft.contracts import (
+    RECENT_SAMPLES,
+    LocalTracker,
     Match,
     Measurement,
-    Observation,
     Provenance,
-    Region,
     Sample,
     Step,
     Tracker,
     Verdict,
 )
 from mapgraft.procedures import Tools, blaming
+from mapgraft.registration import Lie
+from mapgraft.trail import Trail
 
 State = Literal["provisional", "confirmed", "reverted"]
+NEVER: Final = 1 << 60  # observations
 
 
 @dataclass(slots=True)
 class _Watch:
-    """One metric of one merge: its tracker, and what has happened since it was last asked."""
+    """One metric of one merge: its tracker, how far it has followed the trail, and what it measured last.
+
+    ``local`` is the tracker where it says what concerns it in the units that the trail is told in; where maps are
+    ``converted`` to meet, the receiver's regions say nothing.
+    """
 
     tracker: Tracker
-    every: int
-    touched: list[Region] = field(default_factory=list)
-    observations: list[Observation] = field(default_factory=list)
+    seen: int
+    converted: bool
+    local: LocalTracker | None
     everything: bool = True
     donor_changed: bool = False
+    latest: Measurement | None = None
 
-    def measure(self, converted: bool) -> Measurement:
-        """Ask the tracker; where maps are ``converted`` to meet, the receiver's regions say nothing there."""
-        unknown = converted or self.everything or not self.touched
-        region = None if unknown else reduce(lambda a, b: a.union(b), self.touched)
-        step = Step(region, tuple(self.observations), self.donor_changed)
-        self.touched, self.observations, self.everything, self.donor_changed = [], [], False, False
-        return self.tracker.update(step)
+    @classmethod
+    def begin(cls, tracker: Tracker, seen: int, converted: bool) -> _Watch:
+        return cls(tracker, seen, converted, tracker if isinstance(tracker, LocalTracker) and not converted else None)
+
+    def is_concerned(self, trail: Trail) -> bool:
+        """Whether anything has happened that may make a difference to it."""
+        if self.everything or self.latest is None:
+            return True
+        if self.seen == trail.now:
+            return False
+        concerns = None if self.local is None else self.local.concerns
+        return concerns is None or trail.since(self.seen).meets(concerns)
+
+    def ask(self, trail: Trail) -> Measurement:
+        """What the tracker measures now."""
+        stretch = trail.since(self.seen)
+        unknown = self.converted or self.everything or not len(stretch)
+        step = Step(None if unknown else stretch.touched, stretch.observations, self.donor_changed)
+        self.everything = self.donor_changed = False
+        self.latest = self.tracker.update(step)
+        return self.latest
+
+
+@dataclass(slots=True)
+class _Round:
+    """The metrics of a merge that are asked at one rhythm."""
+
+    every: int
+    watches: dict[str, _Watch] = field(default_factory=dict)
+
+    def next_after(self, now: int) -> int:
+        return (now // self.every + 1) * self.every if self.watches else now + NEVER
+
+    def look(self, trail: Trail, everything: bool, into: dict[str, Measurement]) -> bool:
+        """Ask those that are concerned, put what all of them measure into a mapping; False when nobody was asked."""
+        asked = False
+        for name, watch in self.watches.items():
+            if everything or watch.latest is None or watch.is_concerned(trail):
+                into[name], asked = watch.ask(trail), True
+            else:
+                into[name] = watch.latest  # what it said last still holds
+            watch.seen = trail.now
+        return asked
 
 
 @dataclass(slots=True)
 class Merge:
-    """A standing merge with its metrics. ``merge_id`` is ``<receiver>.<donor>.<n>``."""
+    """A standing merge with its metrics. ``merge_id`` is ``<receiver>.<donor>.<n>``.
+
+    ``match`` is the hypothesis by which it stands now, ``lie`` where the donor's map is, ``meeting`` the two maps as
+    far as they are needed to register the merge anew. ``history`` holds the samples that have all the verifier looks
+    at: the first one, and the latest.
+    """
 
     merge_id: str
     tools: Tools
@@ -53,72 +102,148 @@ class Merge:
     provenance: Provenance
     comparison: Compared
     reversal: str
+    trail: Trail
+    lie: Lie
+    meeting: Meeting | None = None
     state: State = "provisional"
-    history: list[Sample] = field(default_factory=list)  # the samples that hold all the verifier looks at
-    observations: int = 0
+    history: list[Sample] = field(default_factory=list)
     decided_by_person: bool = False
-    _watches: dict[str, _Watch] = field(default_factory=dict)
+    due_at: int = 0  # observation of the receiver at which there is something to do next
+    _began: int = 0
+    _registered: int = 0
+    _stirred: bool = False
+    _told: int = 0
+    _said: str = ""
+    _judged: _Round = field(init=False)
+    _logged: _Round = field(init=False)
+
+    def __post_init__(self) -> None:
+        verify = self.tools.procedure.verify
+        self._judged, self._logged = _Round(verify.every), _Round(verify.told_every)
 
     @property
     def donor(self) -> str:
         return self.provenance.source
 
+    @property
+    def observations(self) -> int:
+        """How many own observations the receiver has made since the merge."""
+        return self.trail.now - self._began
+
+    @property
+    def seen(self) -> int:
+        """How many of the receiver's observations all metrics have looked at."""
+        return min((watch.seen for watch in self._watches), default=self.trail.now)
+
+    @property
+    def _watches(self) -> list[_Watch]:
+        return [*self._judged.watches.values(), *self._logged.watches.values()]
+
     def start(self, stamp_ns: int) -> Sample:
         """Begin to track every metric of the procedure; the first sample is of the moment of the merge."""
-        verify = self.tools.procedure.verify
-        judged = verify.metric_names
-        logged = tuple(name for name in (verify.log.metrics if verify.log else ()) if name not in judged)
-        rhythms = dict.fromkeys(judged, verify.every) | dict.fromkeys(logged, verify.log.every if verify.log else 1)
+        verify, now = self.tools.procedure.verify, self.trail.now
+        self._began = self._registered = self._told = now
         with blaming(self.tools):
-            trackers = {name: self.tools.metrics[name].track(self.comparison) for name in rhythms}
-        self._watches = {name: _Watch(tracker, rhythms[name]) for name, tracker in trackers.items()}
-        return self.measure(stamp_ns, everything=True)
+            for name in dict.fromkeys((*verify.metric_names, *verify.log.metrics)):
+                tracker = self.tools.metrics[name].track(self.comparison)
+                rhythm = self._judged if name in verify.metric_names else self._logged
+                rhythm.watches[name] = _Watch.begin(tracker, now, self.comparison.converted)
+        sample = self.measure(stamp_ns, everything=True)
+        self._said = "keep"
+        return sample or Sample(stamp_ns, 0, {})
 
-    def observed(self, observation: Observation, touched: Region) -> bool:
-        """Note that the receiver has observed; True when it is time to measure."""
-        self.observations += 1
-        for watch in self._watches.values():
-            watch.observations.append(observation)
-            watch.touched.append(touched)
-        return any(self.observations % watch.every == 0 for watch in self._watches.values())
-
-    def replace(self, provenance: Provenance, comparison: Compared) -> None:
+    def replace(self, grafted: Grafted) -> None:
         """The donor's layer or the transform is another one now: the metrics must look at everything again.
 
         The history goes on: what the donor has newly mapped tests the transform as much as what the receiver has.
         """
-        self.provenance = provenance
-        self.comparison.put_donor(comparison.donor_layer, comparison.T_receiver_donor, comparison.match)
-        for watch in self._watches.values():
+        self.match, self.provenance = grafted.match, grafted.contribution.provenance
+        self.registered()
+        self.meeting = None if self.meeting is None else grafted.meeting
+        made = grafted.comparison
+        self.comparison.put_donor(made.donor_layer, made.T_receiver_donor, made.match)
+        for watch in self._watches:
             watch.everything = watch.donor_changed = True
+            watch.seen = self.trail.now
 
     def target_changed(self) -> None:
         """The receiver's map has changed otherwise than by an observation."""
-        for watch in self._watches.values():
+        for watch in self._watches:
             watch.everything = True
 
-    def measure(self, stamp_ns: int, everything: bool = False) -> Sample:
-        """Measure what is due, or ``everything``.
+    def measure(self, stamp_ns: int, everything: bool = False) -> Sample | None:
+        """Measure what is due, or ``everything``; None when nothing has happened that makes a difference.
 
         The history has one sample per number of observations, the latest: looking twice is not seeing twice.
         """
-        due = {n: w for n, w in self._watches.items() if everything or self.observations % w.every == 0}
-        converted = self.comparison.converted
+        trail, now = self.trail, self.trail.now
+        measured: dict[str, Measurement] = {}
+        judged = logged = False
         with blaming(self.tools):
-            measured = {name: watch.measure(converted) for name, watch in due.items()}
-        sample = Sample(stamp_ns, self.observations, measured)
-        if all(name in due for name in self.tools.procedure.verify.metric_names):
-            if len(self.history) > 1 and self.history[-1].observations == self.observations:
-                self.history.pop()
-            self.history.append(sample)
+            if everything or now % self._judged.every == 0:
+                judged = self._judged.look(trail, everything, measured)
+            if everything or now % self._logged.every == 0:
+                logged = self._logged.look(trail, everything, measured)
+        self._stirred |= judged or logged
+        self._plan()
+        if not (judged or logged or everything):
+            return None
+        state: Literal["provisional", "confirmed"] = "confirmed" if self.state == "confirmed" else "provisional"
+        sample = Sample(stamp_ns, self.observations, measured, state)
+        if judged or everything or not self._judged.watches:
+            self._remember(sample)
         return sample
+
+    def _remember(self, sample: Sample) -> None:
+        if len(self.history) > 1 and self.history[-1].observations == sample.observations:
+            self.history.pop()
+        self.history.append(sample)
+        if len(self.history) > 1 + RECENT_SAMPLES:
+            del self.history[1]
+
+    def _plan(self) -> None:
+        """Find out when there is something to do again."""
+        now = self.trail.now
+        self.due_at = min(self._judged.next_after(now), self._logged.next_after(now))
+        if self.meeting is not None and (every := self.tools.rule.refine.every) is not None:
+            self.due_at = min(self.due_at, max(self._registered + every, now + 1))
+
+    def is_to_register(self) -> bool:
+        """Whether the merge is to be registered anew now; if so that is taken as done.
+
+        It is when the time has come, unless no metric has found anything new since the last time.
+        """
+        every = self.tools.rule.refine.every
+        if self.meeting is None or every is None or self.trail.now - self._registered < every:
+            return False
+        wanted = self._stirred
+        self.registered()
+        return wanted
+
+    def registered(self) -> None:
+        """The transform was looked at just now."""
+        self._registered, self._stirred = self.trail.now, False
+        self._plan()
+
+    @property
+    def has_news(self) -> bool:
+        """Whether anything has happened since the metrics were last asked that makes a difference to them."""
+        return any(watch.is_concerned(self.trail) for watch in self._watches)
+
+    @property
+    def is_untold(self) -> bool:
+        """Whether the last sample was not written down."""
+        return self._began + self.history[-1].observations > self._told
 
     def judge(self) -> Verdict:
         """The verifier's word on the history so far."""
         with blaming(self.tools):
             return self.tools.verifier.verify(self.history, self.reversal)
 
-    @property
-    def news(self) -> bool:
-        """Whether anything has happened since the metrics were last asked."""
-        return any(watch.everything or watch.touched for watch in self._watches.values())
+    def tells(self, verdict: Verdict, wanted: bool = False) -> bool:
+        """Whether a verdict is written down: it is wanted, not the last one again, or the time of the log has come."""
+        every = self.tools.procedure.verify.told_every
+        if not wanted and verdict.action == self._said and self.trail.now // every == self._told // every:
+            return False
+        self._told, self._said = self.trail.now, verdict.action
+        return True

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from types import TracebackType
 from typing import cast
 
 from mapgraft.contracts import Acceptor, Conversion, Fuser, MapType, Matcher, Metric, Policy, Verifier
@@ -40,7 +40,10 @@ METHODS: Mapping[PluginKind, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class Tools:
-    """The plugins of one procedure, made with the rule's parameters."""
+    """The plugins of one procedure, made with the rule's parameters.
+
+    ``refines`` says that standing merges of it are registered anew: the rule wants it and the matcher is able to.
+    """
 
     procedure: Procedure
     matcher: Matcher
@@ -48,28 +51,42 @@ class Tools:
     fuser: Fuser
     metrics: Mapping[str, Metric]
     verifier: Verifier
+    refines: bool = False
 
     @property
     def rule(self) -> Rule:
         return self.procedure.rule
 
 
-@contextmanager
-def blaming(tools: Tools) -> Iterator[None]:
+def blaming(tools: Tools) -> _Blaming:
     """Turn whatever a plugin of a rule does wrong into a PluginError that names the rule and its plugins.
 
     Errors of ours pass: they are sentences already.
     """
-    try:
-        yield
-    except MapgraftError:
-        raise
-    except Exception as error:  # a stranger's code may fail in any way
-        procedure = tools.procedure
+    return _Blaming(tools)
+
+
+class _Blaming:
+    """What ``blaming`` enters, for every scan and merge: a generator would cost ten times as much."""
+
+    __slots__ = ("_tools",)
+
+    def __init__(self, tools: Tools) -> None:
+        self._tools = tools
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if not isinstance(error, Exception) or isinstance(error, MapgraftError):
+            return  # all else is a stranger's code, which may fail in any way
+        procedure = self._tools.procedure
         uses = f"matcher {procedure.match.use!r}, fuser {procedure.fuse.use!r}, verifier {procedure.verify.use!r}"
         metrics = ", ".join(map(repr, procedure.metric_names))
         what = f"{type(error).__name__}: {error}"
-        raise PluginError(f"rule {tools.rule.name!r} ({uses}, metrics {metrics}) failed: {what}") from error
+        raise PluginError(f"rule {self._tools.rule.name!r} ({uses}, metrics {metrics}) failed: {what}") from error
 
 
 def _parts(rule: Rule) -> list[tuple[PluginKind, str, Mapping[str, object]]]:
@@ -131,6 +148,7 @@ class Workshop:
             cast("Fuser", made["fuser", procedure.fuse.use]),
             {name: cast("Metric", made["metric", name]) for name in procedure.metric_names},
             cast("Verifier", made["verifier", procedure.verify.use]),
+            rule.refine.every is not None and self.plugins.find("matcher", procedure.match.use).descriptor.uses_prior,
         )
         return tools if self.watch is None else self.watch(tools)
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
-from mapgraft.attempt import Attempt, Attempts, Grafted
+from mapgraft.attempt import Attempt, Attempts, Grafted, Meeting
+from mapgraft.candidates import Candidates, LastAttempt
 from mapgraft.contracts import Donation, MapMetadata, MapType, Observation, Prior, Provenance, Sample
 from mapgraft.decision import DecisionTable, facts_of
 from mapgraft.errors import MapError
@@ -14,10 +15,28 @@ from mapgraft.history import Journal, Moment
 from mapgraft.merge import Merge
 from mapgraft.persons import Hand
 from mapgraft.procedures import Tools, Workshop
+from mapgraft.refusals import Refusal
+from mapgraft.registration import Lie
 from mapgraft.reversal import Reversal
+from mapgraft.trail import Trail
 
 Fetch = Callable[[], bytes]
+LONG = 64  # observations after which it is worth looking which of them are still needed
 EPOCH = 1  # a robot's map frame lives from its first to its last observation
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Encounter:
+    """What receiver and donor tell of their maps before one attempt, and what is known of how they lie."""
+
+    own: MapMetadata
+    other: MapMetadata
+    prior: Prior | None
+    stamp_ns: int
+
+    @property
+    def lie(self) -> Lie:
+        return Lie.of(self.own, self.other)
 
 
 @dataclass(slots=True)
@@ -32,7 +51,8 @@ class Robot:
     hand: Hand
     journal: Journal
     merges: dict[str, Merge] = field(default_factory=dict)  # donor → its standing merge
-    tried: dict[str, int] = field(default_factory=dict)  # donor → attempts so far
+    candidates: Candidates = field(default_factory=Candidates)
+    trail: Trail = field(default_factory=Trail)
     looked_at: dict[str, tuple[int, Provenance]] = field(default_factory=dict)  # donor → versions last considered
     attempts: Attempts = field(init=False)
     _encoded: tuple[int, bytes] | None = None
@@ -42,12 +62,17 @@ class Robot:
         self.attempts = Attempts(self.workshop, self.map_type, self.reversal)
 
     def observe(self, observation: Observation) -> None:
-        """Integrate an own observation, and verify every standing merge whose time has come."""
-        touched = self.reversal.observe(observation)
+        """Integrate an own observation; verify and register anew every standing merge whose time has come."""
+        self.trail.add(observation, self.reversal.observe(observation))
         self.attempts.changed()
-        for merge in list(self.merges.values()):
-            if merge.observed(observation, touched):
-                self.verify(merge, observation.stamp_ns)
+        now = self.trail.now
+        due = [merge for merge in self.merges.values() if now >= merge.due_at]
+        for merge in due:
+            self.verify(merge, observation.stamp_ns)
+            if merge.state != "reverted" and merge.meeting and merge.is_to_register():
+                self._register(merge, merge.meeting, observation.stamp_ns)
+        if not self.merges or len(self.trail) >= LONG:
+            self.trail.forget(min((merge.seen for merge in self.merges.values()), default=now))
 
     def offer(self) -> bytes:
         """What this robot tells about its map."""
@@ -85,43 +110,51 @@ class Robot:
         received = Offer.decode(offer)
         donor = received.provenance.source
         if (standing := self.merges.get(donor)) is not None:
-            self._update(standing, received.provenance, fetch, stamp_ns)
+            self._update(standing, received, fetch, stamp_ns)
             return
         both = (self.reversal.version, received.provenance)
         if self.looked_at.get(donor) == both:  # neither map has changed since: the answer would be the same
             return
         self.looked_at[donor] = both
-        self.journal.offered(stamp_ns, received.provenance, len(offer))
         if self.hand.forbids(self.name, donor):
+            self.journal.offered(stamp_ns, received.provenance, len(offer))
             self.journal.forbidden(stamp_ns, donor)
             return
-        about_m = _middle(received.metadata)
-        prior = self._prior(donor, about_m)
-        facts = facts_of(self.own_metadata(), received.metadata, prior is not None, self.reversal.name)
-        ruling = self.table.choose(facts)
-        if ruling.rule is None or ruling.rejected:
+        met = self._encounter(donor, received.metadata, stamp_ns)
+        ruling = self.table.choose(facts_of(met.own, met.other, met.prior is not None, self.reversal.name))
+        rule = None if ruling.rejected else ruling.rule
+        if rule and self.candidates.waits(donor, rule.name, rule.retry.growth, met.own, met.other):
+            return
+        self.journal.offered(stamp_ns, received.provenance, len(offer))
+        if rule is None:
             self.journal.rejected(stamp_ns, donor, ruling)
         else:
-            self._attempt(self.workshop.tools(ruling.rule), fetch(), prior, about_m, stamp_ns)
+            self._attempt(self.workshop.tools(rule), fetch(), met)
 
-    def _prior(self, donor: str, about_m: Sequence[float]) -> Prior | None:
-        """What is known of where the donor's map lies, unless it was taken out from there before."""
+    def _encounter(self, donor: str, other: MapMetadata, stamp_ns: int) -> Encounter:
+        """A prior is left out where the donor was taken out from there before."""
+        own = self.own_metadata()
         prior = self.hand.priors.get((self.name, donor))
-        if prior is None or self.attempts.is_refused(donor, prior.T_receiver_donor, about_m):
-            return None
-        return prior
+        about_m = Lie.of(own, other).about_m
+        if prior is not None and self.attempts.refusals.at(donor, prior.T_receiver_donor, about_m):
+            prior = None
+        return Encounter(own, other, prior, stamp_ns)
 
-    def _attempt(self, tools: Tools, data: bytes, prior: Prior | None, about_m: Sequence[float], stamp_ns: int) -> None:
+    def _attempt(self, tools: Tools, data: bytes, met: Encounter) -> None:
         donation = self._receive(data)
         donor = donation.provenance.source
-        attempt = self.attempts.make(tools, donation, prior, about_m)
-        self.tried[donor] = self.tried.get(donor, 0) + 1
-        merge_id = f"{self.name}.{donor}.{self.tried[donor]}"
+        attempt = self.attempts.make(tools, donation, met.prior, met.lie.about_m)
+        merge_id = self.candidates.next_id(self.name, donor)
+        if before := self.candidates.same_as_before(donor, attempt.match, met.lie.about_m):
+            attempt = replace(attempt, reason=f"{attempt.reason} (the same place as {before})")
         if attempt.grafted is None:
-            self.journal.attempted(stamp_ns, attempt, tools, merge_id, donation.provenance, len(data))
+            last = LastAttempt(merge_id, tools.rule.name, attempt.match, met.own, met.other)
+            self.candidates.keep(donor, last)
+            self.journal.attempted(met.stamp_ns, attempt, tools, merge_id, donation.provenance, len(data))
         else:
-            merge = self._merge(attempt, attempt.grafted, tools, merge_id, len(data), stamp_ns)
-            self._obey(merge, about_m, stamp_ns)
+            self.candidates.forget(donor)
+            merge = self._merge(attempt, attempt.grafted, tools, merge_id, len(data), met)
+            self._obey(merge, met.stamp_ns)
 
     def _receive(self, data: bytes) -> Donation:
         message = LayerMessage.decode(data)
@@ -130,13 +163,15 @@ class Robot:
         return Donation(map_type.decode(message.payload), message.provenance)
 
     def _merge(
-        self, attempt: Attempt, grafted: Grafted, tools: Tools, merge_id: str, size: int, stamp_ns: int
+        self, attempt: Attempt, grafted: Grafted, tools: Tools, merge_id: str, size: int, met: Encounter
     ) -> Merge:
-        provenance = grafted.contribution.provenance
+        provenance, stamp_ns = grafted.contribution.provenance, met.stamp_ns
         self._snapshot("before merge", stamp_ns, merge_id)
         self.reversal.merge(merge_id, grafted.contribution)
         self._fused_changed()
-        merge = Merge(merge_id, tools, grafted.match, provenance, grafted.comparison, self.reversal.name)
+        made = (merge_id, tools, grafted.match, provenance, grafted.comparison, self.reversal.name)
+        meeting = grafted.meeting if tools.refines and self.reversal.name != "single_map" else None
+        merge = Merge(*made, self.trail, met.lie, meeting)
         self.merges[merge.donor] = merge
         self.journal.attempted(stamp_ns, attempt, tools, merge_id, provenance, size)
         self._snapshot("after merge", stamp_ns, merge_id)
@@ -144,60 +179,90 @@ class Robot:
         self.journal.changed("verified", stamp_ns, merge, "measured at the merge", "merge", sample)
         return merge
 
-    def _obey(self, merge: Merge, about_m: Sequence[float], stamp_ns: int) -> None:
+    def _obey(self, merge: Merge, stamp_ns: int) -> None:
         """Apply a person's verdict on this merge, if there is one."""
-        verdict = self.hand.verdict_on(merge.merge_id, merge.comparison.T_receiver_donor, about_m)
+        verdict = self.hand.verdict_on(merge.merge_id, merge.comparison.T_receiver_donor, merge.lie.about_m)
         if verdict is None:
             return
         said = f"a person said {verdict.action}" + (f": {verdict.reason}" if verdict.reason else "")
         by = f"person {verdict.by}".strip()
         if verdict.action == "revert":
-            self.revert(merge, stamp_ns, said, by)
+            self.revert(merge, stamp_ns, said, by, by_person=True)
         else:
             merge.state, merge.decided_by_person = "confirmed", True
             self.journal.changed("confirmed", stamp_ns, merge, said, by)
 
-    def _update(self, merge: Merge, offered: Provenance, fetch: Fetch, stamp_ns: int) -> None:
-        """Put the donor's newer layer in the place of the older one, at the same transform, and look at it again."""
-        if offered == merge.provenance or self.reversal.name == "single_map":  # which cannot tell the donor's share
+    def _update(self, merge: Merge, offer: Offer, fetch: Fetch, stamp_ns: int) -> None:
+        """Put the donor's newer layer in the place of the older one, where it lies best now, and look at it again."""
+        if offer.provenance == merge.provenance or self.reversal.name == "single_map":  # which cannot tell the share
             return
         data = fetch()
+        merge.lie = replace(merge.lie, about_m=Lie.of(offer.metadata, offer.metadata).about_m)
         try:
-            grafted = self.attempts.graft(merge.tools, self._receive(data), merge.match)
+            meeting = self.attempts.meet(merge.tools, self._receive(data))
+            move = self.attempts.find_move(merge.tools, meeting, merge.match, merge.lie) if merge.meeting else None
+            grafted = self.attempts.graft(merge.tools, meeting, move.match if move else merge.match)
         except MapError as error:
             reason = f"the donor's newer map is left aside: {error}"
             self.journal.changed("verified", stamp_ns, merge, reason, "exchange", size=len(data))
             return
-        self.reversal.replace(merge.merge_id, grafted.contribution)
-        merge.replace(grafted.contribution.provenance, grafted.comparison)
-        self.journal.changed("updated", stamp_ns, merge, "the donor has gone on mapping", "exchange", size=len(data))
-        self.verify(merge, stamp_ns, everything=True)
+        moved = f"; {move.reason}" if move else ""
+        self._swap(merge, grafted, f"the donor has gone on mapping{moved}", "exchange", stamp_ns, len(data))
 
-    def verify(self, merge: Merge, stamp_ns: int, everything: bool = False) -> None:
-        """Measure a standing merge, let the verifier judge it when all it looks at was measured, and do as it says."""
+    def _register(self, merge: Merge, meeting: Meeting, stamp_ns: int) -> None:
+        """Find out whether both maps, as they are now, tell a better transform, and put it in the place of the old."""
+        move = self.attempts.find_move(merge.tools, meeting, merge.match, merge.lie)
+        if move is not None:
+            grafted = self.attempts.graft(merge.tools, meeting, move.match)
+            self._swap(merge, grafted, move.reason, merge.tools.procedure.match.use, stamp_ns)
+
+    def _swap(self, merge: Merge, grafted: Grafted, reason: str, by: str, stamp_ns: int, size: int = 0) -> None:
+        """Replace the contribution by one of another layer, by another transform, or both.
+
+        What was observed until now is judged first, by the transform that stood: what refines one never tests it.
+        """
+        if merge.has_news:
+            self.verify(merge, stamp_ns, everything=True)
+        if merge.state == "reverted":
+            return
+        self.reversal.replace(merge.merge_id, grafted.contribution)
+        merge.replace(grafted)
+        self.journal.changed("updated", stamp_ns, merge, reason, by, size=size)
+        self.verify(merge, stamp_ns, everything=True, tell=True)
+
+    def verify(self, merge: Merge, stamp_ns: int, everything: bool = False, tell: bool = False) -> None:
+        """Measure a standing merge, let the verifier judge it when all it looks at was measured, and do as it says.
+
+        A verdict like the last one is only written down at the rhythm of the log, or when somebody wants to ``tell``.
+        """
         sample = merge.measure(stamp_ns, everything)
+        if sample is None:
+            return
         if sample is not merge.history[-1]:
             self.journal.changed("verified", stamp_ns, merge, "measured for the record", "log", sample)
             return
         verdict, by = merge.judge(), merge.tools.procedure.verify.use
-        if merge.decided_by_person:
-            self.journal.changed("verified", stamp_ns, merge, f"confirmed by a person; {verdict.reason}", by, sample)
-        elif verdict.action == "revert":
+        tell = merge.tells(verdict, tell)
+        if verdict.action == "revert" and not merge.decided_by_person:
             self.revert(merge, stamp_ns, verdict.reason, by, sample)
         elif verdict.action == "confirm" and merge.state == "provisional":
             merge.state = "confirmed"
             self.journal.changed("confirmed", stamp_ns, merge, verdict.reason, by, sample)
-        else:
-            self.journal.changed("verified", stamp_ns, merge, verdict.reason, by, sample)
+        elif tell:
+            said = f"confirmed by a person; {verdict.reason}" if merge.decided_by_person else verdict.reason
+            self.journal.changed("verified", stamp_ns, merge, said, by, sample)
 
-    def revert(self, merge: Merge, stamp_ns: int, reason: str, by: str, sample: Sample | None = None) -> None:
+    def revert(
+        self, merge: Merge, stamp_ns: int, reason: str, by: str, sample: Sample | None = None, by_person: bool = False
+    ) -> None:
         """Take the donor's data out of the map again, and refuse this transform from now on."""
         self._snapshot("before revert", stamp_ns, merge.merge_id)
         exactness = self.reversal.revert(merge.merge_id)
         del self.merges[merge.donor]
         self._fused_changed()
         merge.state = "reverted"
-        self.attempts.refuse(merge.donor, merge.comparison.T_receiver_donor)
+        T = merge.comparison.T_receiver_donor
+        self.attempts.refusals.add(merge.donor, Refusal(merge.merge_id, T, merge.match.score, by_person))
         self.journal.changed("reverted", stamp_ns, merge, reason, by, sample, exactness)
         self._snapshot("after revert", stamp_ns, merge.merge_id)
 
@@ -211,17 +276,9 @@ class Robot:
     def finish(self, stamp_ns: int) -> None:
         """The last look at every standing merge, and the last snapshot."""
         for merge in list(self.merges.values()):
-            if merge.news:
-                self.verify(merge, stamp_ns, everything=True)
+            if merge.has_news or merge.is_untold:
+                self.verify(merge, stamp_ns, everything=True, tell=True)
         self._snapshot("end", stamp_ns)
 
     def _snapshot(self, why: Moment, stamp_ns: int, merge_id: str = "") -> None:
         self.journal.snapshot(why, stamp_ns, self.own_metadata, self.encoded_layer, merge_id)
-
-
-def _middle(metadata: MapMetadata) -> tuple[float, float]:
-    """Where a map is, in its own frame: the middle of what is known of it."""
-    if metadata.bounds_m is None:
-        return 0.0, 0.0
-    x0, y0, x1, y1 = metadata.bounds_m
-    return (x0 + x1) / 2.0, (y0 + y1) / 2.0

@@ -72,6 +72,13 @@ class GridRegion:
         """The cells in both; raises MapError as ``union``."""
         return self._meet(other, without=False)
 
+    def meets(self, other: GridRegion) -> bool:
+        """Whether any cell is in both; raises MapError as ``union``."""
+        if not (self.keys.size and other.keys.size):
+            return False
+        self._require_same_lattice(other)
+        return bool(bits.share(self.keys, self.rows, other.keys, other.rows))
+
     def __len__(self) -> int:
         return bits.population(self.rows)
 

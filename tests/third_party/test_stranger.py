@@ -121,7 +121,7 @@ def test_a_wrong_merge_is_made_found_out_and_reverted(outcomes: Outcomes, true_p
     assert "landmark_agreement" in reverted["reason"]
     assert reverted["receiver_version"] > merged["receiver_version"] > 40
     verified = [event for event in outcome.merge("ash.birch.1") if event["kind"] == "verified"]
-    assert len(verified) >= 3
+    assert len(verified) >= 2  # at the merge, and while mapping went on
 
 
 @pytest.mark.parametrize("reversal", ["ledger", "multi_map", "single_map"])

@@ -21,6 +21,15 @@ class Region(Protocol):
     def __len__(self) -> int: ...
 
 
+class MeetingRegion(Region, Protocol):
+    """A region that can tell, without making another one, whether it has a unit in common with one of its type.
+
+    For every other region the engine finds out with ``minus`` and ``len``.
+    """
+
+    def meets(self, other: Self) -> bool: ...
+
+
 class Layer(Protocol):
     """The evidence of one source in that source's own frame: raw, additive, written by one robot only.
 

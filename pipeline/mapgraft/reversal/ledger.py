@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from functools import reduce
+from typing import Final, Literal
 
 from mapgraft.contracts import Contribution, Exactness, Layer, Map, MapType, Observation, Region
 from mapgraft.errors import ReversalError
 from mapgraft.reversal.views import LazyView
+
+MOST_UNTOLD: Final = 64
 
 
 class Ledger:
@@ -23,12 +26,14 @@ class Ledger:
         self._contributions: dict[str, Contribution] = {}
         self._own = LazyView(map_type)
         self._fused = LazyView(map_type)
+        self._untold: list[Region] = []  # touched by observations since either map was looked at
 
     def observe(self, observation: Observation) -> Region:
         touched = self._map_type.integrate(self._layer, observation)
         self.version += 1
-        self._own.touch(touched)
-        self._fused.touch(touched)
+        self._untold.append(touched)
+        if len(self._untold) >= MOST_UNTOLD:
+            self._tell()
         return touched
 
     def merge(self, merge_id: str, contribution: Contribution) -> None:
@@ -48,11 +53,13 @@ class Ledger:
         return Exactness(exact=True, reason="the donor's layer was never mixed with another")
 
     def own(self) -> Map:
+        self._tell()
         return self._own.get(self._layer)
 
     def fused(self) -> Map:
         if not self._contributions:
             return self.own()
+        self._tell()
         return self._fused.get(self._layer, tuple(self._contributions.values()))
 
     def compared_layer(self) -> Layer:
@@ -67,6 +74,14 @@ class Ledger:
     @property
     def offered_version(self) -> int:
         return self.version
+
+    def _tell(self) -> None:
+        """Let both maps know what observations have touched, united once."""
+        if self._untold and (self._own.is_made or self._fused.is_made):
+            touched = reduce(lambda a, b: a.union(b), self._untold)
+            self._own.touch(touched)
+            self._fused.touch(touched)
+        self._untold.clear()
 
     def _standing(self, merge_id: str) -> Contribution:
         try:

@@ -17,6 +17,11 @@ class LazyView:
         self._map: Map | None = None
         self._touched: Region | None = None
 
+    @property
+    def is_made(self) -> bool:
+        """Whether there is a view that has to be kept up to date."""
+        return self._map is not None
+
     def touch(self, region: Region) -> None:
         """Note that the region has changed."""
         if self._map is not None:

@@ -57,6 +57,24 @@ def meet(
 
 
 @njit(cache=True)
+def share(
+    keys_a: NDArray[np.int64], rows_a: NDArray[np.uint64], keys_b: NDArray[np.int64], rows_b: NDArray[np.uint64]
+) -> bool:
+    """Whether any cell is in both a and b."""
+    b = 0
+    for a in range(keys_a.size):
+        while b < keys_b.size and keys_b[b] < keys_a[a]:
+            b += 1
+        if b == keys_b.size:
+            return False
+        if keys_b[b] == keys_a[a]:
+            for row in range(TILE):
+                if rows_a[a, row] & rows_b[b, row]:
+                    return True
+    return False
+
+
+@njit(cache=True)
 def population(rows: NDArray[np.uint64]) -> int:
     """How many bits are set in (k, 64) words (Warren, Hacker's Delight, figure 5-2)."""
     total = np.uint64(0)

@@ -1,0 +1,88 @@
+"""Transforms that were taken out of the map again, and what it needs to take them in once more."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from mapgraft.contracts import Match, Transform
+from mapgraft.persons import same_place
+
+
+@dataclass(slots=True)
+class Refusal:
+    """One reverted merge.
+
+    ``score`` is the matcher's at this place when the merge was registered last or, where that is more, when the place
+    came out for the first time after the revert: what the maps had gained until then could not save it.
+    """
+
+    merge_id: str
+    T_receiver_donor: Transform
+    score: float
+    by_person: bool = False
+    seen_again: bool = False
+
+    def needs(self, factor: float) -> float:
+        """The score above which the transform is taken again."""
+        return self.score + (factor - 1.0) * abs(self.score)
+
+    def see(self, score: float) -> None:
+        """Note that the place came out again with that score."""
+        if not self.seen_again:
+            self.score, self.seen_again = max(self.score, score), True
+
+
+@dataclass(frozen=True, slots=True)
+class Sifted:
+    """Matches without those that are refused, and why the first refused one is; ``refused`` is empty without any."""
+
+    matches: list[Match]
+    refused: str
+
+
+@dataclass(slots=True)
+class Refusals:
+    """One receiver's, per donor. What a person took out is never taken again by itself."""
+
+    by_donor: dict[str, list[Refusal]] = field(default_factory=dict)
+
+    def add(self, donor: str, refusal: Refusal) -> None:
+        self.by_donor.setdefault(donor, []).append(refusal)
+
+    def at(self, donor: str, T_receiver_donor: Transform, about_m: Sequence[float]) -> list[Refusal]:
+        """What was taken out at this place; ``about_m`` is where the donor's map is, in its frame."""
+        known = self.by_donor.get(donor, ())
+        return [refusal for refusal in known if same_place(refusal.T_receiver_donor, T_receiver_donor, about_m)]
+
+    def sift(self, donor: str, found: Sequence[Match], factor: float, about_m: Sequence[float]) -> Sifted:
+        """Leave out matches where the donor was taken out, unless their score has grown by more than the factor."""
+        matches, refused = [], ""
+        for match in found:
+            obstacle = self._obstacle(self.at(donor, match.T_receiver_donor, about_m), match.score, factor)
+            if not obstacle:
+                matches.append(match)
+            refused = refused or obstacle
+        return Sifted(matches, refused)
+
+    def overcome(self, donor: str, match: Match, about_m: Sequence[float]) -> str:
+        """What a match that was let through has grown beyond, in words; empty where nothing was taken out."""
+        known = self.at(donor, match.T_receiver_donor, about_m)
+        grown = f"to {match.score:.4g}"
+        return "; ".join(
+            f"reverted before as {one.merge_id}, since then the score has grown from {one.score:.4g} {grown}"
+            for one in known
+        )
+
+    def _obstacle(self, known: list[Refusal], score: float, factor: float) -> str:
+        for refusal in known:
+            refusal.see(score)
+        if by_person := [refusal for refusal in known if refusal.by_person]:
+            return f"{by_person[0].merge_id} was taken out there by a person, so it is not taken again by itself"
+        hardest = max(known, key=lambda refusal: refusal.needs(factor), default=None)
+        if hardest is None or score > hardest.needs(factor):
+            return ""
+        return (
+            f"{hardest.merge_id} was reverted there, and its score of now {score:.4g} "
+            f"must grow above {hardest.needs(factor):.4g} first"
+        )
