@@ -97,7 +97,8 @@ class _Witness:
     def hypotheses(self, attempt: Attempt) -> tuple[Hypothesis, ...]:
         """All that the matcher found, with what was measured of them."""
         measured = {id(candidate.match): candidate.measurements for candidate in self.candidates}
-        chosen = attempt.grafted.match if attempt.grafted else None
+        taken = self.decision.chosen if attempt.grafted and self.decision else None
+        chosen = None if taken is None else self.candidates[taken].match
         return tuple(
             Hypothesis(match, tuple(measured[id(match)].values()) if id(match) in measured else None, match is chosen)
             for match in self.found

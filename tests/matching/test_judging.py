@@ -1,0 +1,110 @@
+"""Answers held against the truth: by walls, by keypoints, and where nothing may be merged."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mapgraft.matching.judging import Judged, LeftOut, judge, rigid_about
+from mapgraft.matching.pair_list import MapFile, read_lists
+from mapgraft.matching.pairing import Pairer
+from mapgraft.matching.pixels import moved
+from mapgraft.matching.ready_map import ReadyMap, Shelf
+from mapgraft.matching.tally import tally
+
+Bench = tuple[Shelf, Pairer]
+SHAPE = (520, 560)
+
+
+def judged(bench: Bench, folder: Path, entries: Sequence[dict[str, Any]]) -> tuple[list[Judged], list[LeftOut]]:
+    shelf, pairer = bench
+    path = folder / "pairs.json"
+    path.write_text(json.dumps(entries))
+    listed = read_lists([path], [])
+
+    def read(file: MapFile, side: int) -> ReadyMap:
+        return shelf.read(file.path, {"resolution_m": file.resolution_m})
+
+    return judge(listed.pairs, listed, read, pairer, 40.0, lambda: None)
+
+
+@pytest.fixture
+def maps(save: Callable[..., Path], floor, turn, similarity) -> NDArray[np.float64]:
+    """``a.png`` and ``b.png``, the same floor turned; T_px_a_b."""
+    T_px_b_a = similarity(-70.0, 60.0, 460.0)
+    save("a.png", floor(0.05))
+    save("b.png", turn(floor(0.05), T_px_b_a, SHAPE))
+    return np.linalg.inv(T_px_b_a)
+
+
+def entry(T_px_a_b: NDArray[np.float64], **more: Any) -> dict[str, Any]:
+    told = {"a": "a.png", "b": "b.png", "res_a": 0.05, "res_b": 0.05, "T_px_b2a": T_px_a_b[:2].ravel().tolist()}
+    return {**told, **more}
+
+
+def test_the_truth_is_right_and_another_place_is_wrong(bench: Bench, tmp_path: Path, maps) -> None:
+    aside = maps.copy()
+    aside[0, 2] += 20.0  # 1 m
+    (right, wrong), left = judged(bench, tmp_path, [entry(maps, id="right"), entry(aside, id="aside")])
+    assert not left
+    assert right.accepted is not None
+    assert right.accepted.right
+    assert right.accepted == right.first
+    assert wrong.accepted is not None
+    assert not wrong.accepted.right
+    assert wrong.accepted.displacement_m == pytest.approx(1.0, abs=0.2)
+    assert right.overlap == pytest.approx(1.0, abs=0.05)
+
+
+def test_keypoints_are_measured_in_pixels_of_a(bench: Bench, tmp_path: Path, maps) -> None:
+    b = np.array([(100.0, 80.0), (300.0, 200.0), (200.0, 400.0)])
+    a = moved(maps, b)
+    told = {"keypoints_b": b.tolist(), "id": "near"}
+    near = entry(maps, keypoints_a=(a + np.array([30.0, 0.0])).tolist(), **told)
+    far = entry(maps, keypoints_a=(a + np.array([60.0, 0.0])).tolist(), **told)
+    (one, two), _ = judged(bench, tmp_path, [near, far])
+    assert one.first is not None
+    assert two.first is not None
+    assert one.first.keypoint_px == pytest.approx(30.0, abs=5.0)
+    assert (one.first.right, two.first.right) == (True, False)
+
+
+def test_pairs_without_a_usable_truth_are_left_out_with_the_reason(bench: Bench, tmp_path: Path, maps) -> None:
+    larger = maps.copy()
+    larger[:2, :2] *= 0.8
+    found, left = judged(bench, tmp_path, [entry(larger, id="scaled"), entry(maps, id="odd", suspect=True)])
+    assert not found
+    assert [pair.id for pair in left] == ["scaled", "odd"]
+    assert "its scale is not known" in left[0].reason
+    assert "suspect" in left[1].reason
+
+
+def test_the_tally_counts_what_was_right_wrong_and_merged_by_mistake(bench: Bench, tmp_path: Path, maps) -> None:
+    aside = maps.copy()
+    aside[0, 2] += 20.0
+    pairs = [entry(maps, id="right"), entry(aside, id="wrong")]
+    pairs += [{"a": "a.png", "b": "b.png", "res_a": 0.05, "res_b": 0.05, "unrelated": True}]
+    pairs += [{"a": "a.png", "b": "b.png", "res_a": 0.05, "res_b": 0.05, "T_px_b2a": pairs[0]["T_px_b2a"], "id": "two"}]
+    counted = tally(judged(bench, tmp_path, pairs)[0])
+    assert (counted.pairs, counted.unrelated) == (3, 1)
+    assert (counted.first.right.count, counted.first.wrong.count, counted.first.none.count) == (2, 1, 0)
+    assert (counted.accepted.right.count, counted.accepted.wrong.count) == (2, 1)
+    assert counted.merged.count == 1
+    assert counted.areas["score"].value == 0.5, "all answers are the same one"
+    assert (counted.areas["score"].right, counted.areas["score"].wrong) == (2, 2)
+    assert counted.first.median_m < 0.2
+    assert 0.0 < counted.median_s <= counted.longest_s
+
+
+def test_a_truth_with_a_little_scale_becomes_rigid_where_the_walls_are() -> None:
+    S = np.array([[1.01, 0.0, 3.0], [0.0, 1.01, 4.0], [0.0, 0.0, 1.0]])
+    centre = np.array([100.0, -50.0])
+    T = rigid_about(S, centre)
+    assert T.apply(centre[None]) == pytest.approx(moved(S, centre[None]))
+    assert abs(np.linalg.det(T.matrix) - 1.0) < 1e-12

@@ -1,0 +1,197 @@
+"""``mapgraft match`` as a person uses it: what it prints, what it writes, and its exit codes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mapgraft.cli import invoke
+from mapgraft_grid import map_server
+from mapgraft_grid.grid_map import FREE, OCCUPIED, DenseGrid
+
+Image = NDArray[np.uint8]
+Said = Callable[..., tuple[int, str, str]]
+SHAPE = (520, 560)
+PICTURE = b"\x89PNG"
+
+
+@pytest.fixture
+def said(capsys: pytest.CaptureFixture[str], rules: Path) -> Said:
+    """Runs ``mapgraft match`` by rules of the tests' own: exit code, stdout, stderr."""
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        code = invoke(["match", "--rules", str(rules), *map(str, arguments)])
+        out, err = capsys.readouterr()
+        assert "Traceback" not in err
+        return code, out, err
+
+    return run
+
+
+@pytest.fixture
+def pair(save, floor, turn, similarity) -> tuple[Path, Path, NDArray[np.float64]]:
+    """A floor, the same one turned, and T_px_a_b."""
+    T_px_b_a = similarity(70.0, 420.0, 30.0)
+    b = save("b.png", turn(floor(0.05), T_px_b_a, SHAPE))
+    return save("a.png", floor(0.05)), b, np.linalg.inv(T_px_b_a)
+
+
+@pytest.fixture
+def stranger(save) -> Path:
+    image = np.full((300, 300), 254, np.uint8)
+    image[50:250, 60:64] = image[80:84, 60:280] = image[200:204, 10:200] = image[10:90, 150:153] = 0
+    return save("stranger.png", image)
+
+
+def test_an_accepted_pair_is_told_and_written(said: Said, pair, tmp_path: Path) -> None:
+    a, b, T_px_a_b = pair
+    out = tmp_path / "out"
+    code, text, _ = said(a, b, "--resolution", 0.05, "-o", out)
+    assert code == 0
+    for word in (
+        "accepted",
+        "provisionally",
+        "T_a_b",
+        "x_a =",
+        "centres at whole numbers",
+        "score",
+        "similarity",
+        "rule",
+    ):
+        assert word in text
+    names = {"match.json", "merged.pgm", "merged.yaml", "overlay.png"}
+    assert {path.name for path in out.iterdir()} == names
+    told = json.loads((out / "match.json").read_text())
+    assert set(told["files"]) == names
+    assert told["accepted"] is True
+    found = np.array([*told["T_px_b2a"], 0, 0, 1]).reshape(3, 3)
+    assert abs((found - T_px_a_b)[:2, :2]).max() < 0.01
+    merged = map_server.read(out / "merged.yaml")
+    assert merged.resolution_m == 0.05
+    assert (out / "overlay.png").read_bytes().startswith(PICTURE)
+
+
+def test_the_same_files_give_the_same_bytes(said: Said, pair, tmp_path: Path) -> None:
+    a, b, _ = pair
+    for name in ("one", "two"):
+        assert said(a, b, "--resolution", 0.05, "-o", tmp_path / name)[0] == 0
+    for path in (tmp_path / "one").iterdir():
+        assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes(), path.name
+
+
+def test_json_tells_the_same_with_the_time(said: Said, pair) -> None:
+    a, b, _ = pair
+    code, text, _ = said(a, b, "--resolution", 0.05, "--json")
+    told = json.loads(text)
+    assert code == 0
+    assert told["verdict"] == "provisional"
+    assert told["match_s"] <= told["elapsed_s"]
+    assert told["a"]["width_px"] == 440
+    assert told["procedure"] == {
+        "match": "carpin",
+        "accept": "thresholds",
+        "fuse": "log_odds",
+        "metrics": ["similarity"],
+    }
+    assert told["hypotheses"][0]["accepted"]
+    assert not any(hypothesis["accepted"] for hypothesis in told["hypotheses"][1:])
+
+
+def test_what_is_not_accepted_is_shown_and_not_merged(said: Said, pair, stranger: Path, tmp_path: Path) -> None:
+    a, b, _ = pair
+    out = tmp_path / "out"
+    assert said(a, b, "--resolution", 0.05, "-o", out)[0] == 0
+    code, text, _ = said(a, stranger, "--resolution", 0.05, "-o", out, "--hypotheses")
+    assert code == 0
+    assert "NOT accepted" in text
+    assert "not merged" in text
+    assert "1. score" in text
+    assert {path.name for path in out.iterdir()} == {"candidate.png", "match.json"}, (
+        "nothing of the earlier match stays"
+    )
+    told = json.loads((out / "match.json").read_text())
+    assert (told["accepted"], told["T_a_b"], told["T_px_b2a"]) == (False, None, None)
+    assert told["hypotheses"][0]["T_a_b"]["x_m"] is not None
+
+
+def test_a_rejected_pair_gives_every_rules_reason(said: Said, pair, tmp_path: Path) -> None:
+    a, b, _ = pair
+    code, text, _ = said(a, b, "--resolution", 1.0, "--other-resolution", 0.05, "-o", tmp_path / "out")
+    assert code == 0
+    assert "rejected" in text
+    assert "✗ grids: resolution_ratio is 20" in text
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["match.json"]
+
+
+def test_a_described_map_tells_its_resolution_itself(said: Said, save, floor, tmp_path: Path) -> None:
+    classes = np.zeros((160, 220), np.uint8)
+    small = cv2.resize(floor(0.05), (220, 160), interpolation=cv2.INTER_NEAREST)[::-1]
+    classes[small == 254], classes[small == 0] = FREE, OCCUPIED
+    grid = DenseGrid(classes, np.zeros((160, 220), np.int32), (0, 0), (-5.0, 3.0), 0.1)
+    for name, content in map_server.files(grid, "described").items():
+        (tmp_path / name).write_bytes(content)
+    image = save("a.png", floor(0.05))
+    code, text, _ = said(tmp_path / "described.yaml", image, "--resolution", 0.05, "--json")
+    told = json.loads(text)
+    assert code == 0
+    assert (told["a"]["resolution_m"], told["b"]["resolution_m"]) == (0.1, 0.05)
+    assert told["T_a_b"]["x_m"] == pytest.approx(-5.0, abs=0.15)
+    assert told["T_a_b"]["y_m"] == pytest.approx(3.0, abs=0.15)
+    code, _, err = said(tmp_path / "described.yaml", tmp_path / "described.yaml", "--resolution", 0.05)
+    assert code == 2
+    assert "--resolution is of no use" in err
+
+
+def test_wrong_usage_and_unusable_files(said: Said, pair, save, tmp_path: Path) -> None:
+    a, b, _ = pair
+    colour = np.zeros((50, 50, 3), np.uint8)
+    colour[..., 2] = 200
+    wrong = save("colour.png", colour)
+    for code, arguments, sentence in (
+        (2, (a,), "two map files"),
+        (2, (a, b), "--resolution METRES"),
+        (2, (a, b, "--resolution", 0), "above 0"),
+        (2, (a, b, "--resolution", 0.05, "--unknown-gray", 300), "0 … 255"),
+        (2, (a, b, "--resolution", 0.05, "--matcher", "carpine"), "did you mean 'carpin'"),
+        (2, (a, b, "--resolution", 0.05, "--pairs", tmp_path / "x.json"), "not both"),
+        (2, ("--pairs", tmp_path / "x.json"), "cannot be read"),
+        (2, ("--across",), "--pairs"),
+        (1, (a, tmp_path / "none.png", "--resolution", 0.05), "there is no map file"),
+        (1, (a, wrong, "--resolution", 0.05), "in colour"),
+    ):
+        found, out, err = said(*arguments)
+        assert (found, out) == (code, ""), (arguments, err)
+        assert sentence in err, (arguments, err)
+
+
+def test_a_folder_that_cannot_be_written_is_said(said: Said, pair) -> None:
+    a, b, _ = pair
+    code, _, err = said(a, b, "--resolution", 0.05, "-o", a)
+    assert code == 1
+    assert "cannot be written" in err
+
+
+def test_a_list_is_judged(said: Said, pair, stranger: Path, tmp_path: Path) -> None:
+    *_, T = pair
+    told = {"a": "a.png", "b": "b.png", "res_a": 0.05, "res_b": 0.05}
+    (tmp_path / "pairs.json").write_text(json.dumps([{**told, "id": "turned", "T_px_b2a": T[:2].ravel().tolist()}]))
+    (tmp_path / "others.json").write_text(json.dumps([{"a": "a.png", "b": "stranger.png"}]))
+    lists = ("--pairs", tmp_path / "pairs.json", "--unrelated", tmp_path / "others.json", "--resolution", 0.05)
+    code, text, _ = said(*lists, "-o", tmp_path / "out")
+    assert code == 0
+    for word in ("turned", "1 pairs with truth", "1 (100.0 %", "1 unrelated pairs: 0 (0.0 %", "(median)"):
+        assert word in text
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["turned.png"]
+    code, text, _ = said(*lists, "--across", "--json")
+    document = json.loads(text)
+    assert code == 0
+    assert [one["id"] for one in document["pairs"]] == ["turned", "a__stranger", "b__stranger"]
+    assert document["pairs"][0]["first"]["right"] is True
+    assert document["summary"]["false_merges"]["count"] == 0
+    assert document["summary"]["false_merges"]["of"] == 2
