@@ -12,9 +12,10 @@ import numpy as np
 from mapgraft.contracts import ConfigError, Map, MapError, Match, Points, Prior, Transform
 from mapgraft_grid.bayes import Meeting, meet
 from mapgraft_grid.certainty import Certainty, Lattice, certainty
-from mapgraft_grid.correlation_search import search, thinned
+from mapgraft_grid.correlation_search import search
+from mapgraft_grid.gate import Gate
 from mapgraft_grid.grid_map import GridMap
-from mapgraft_grid.prepared import Prepared, canonical_m, prepare
+from mapgraft_grid.prepared import Prepared, canonical_m, prepare, thinned
 from mapgraft_grid.refinement import distance_field, placed, refined
 
 OTHER_YAW_RAD: Final = math.radians(10.0)  # two hypotheses nearer than this in both are one
@@ -35,18 +36,19 @@ class Correlation:
     """Exhaustive search over rotations and shifts: walls that lie on walls and free space on free space count for a
     placement, walls in free space against it.
 
-    The best ``returned`` hypotheses come back, best first, each refined below a cell and a degree. Two of them differ by
-    more than 10° or by more than 2.5 m where the source's walls are. The score is the log Bayes factor L (nats) at
+    The best ``returned`` hypotheses come back, best first, each refined below a cell and a degree. Two of them differ
+    by more than 10° or by more than 2.5 m where the source's walls are. The score is the log Bayes factor L (nats) at
     0.1 m, or at the coarser map's resolution when that is coarser (``bayes``); the margin is L minus that of the best
-    other hypothesis. Never a reflection.
+    other hypothesis. Never a reflection. A prior restricts the search to 3.5 of its standard deviations and a little
+    more (``gate``); the margin is then over what was searched.
 
     Evidence: ``agreement``, ``disagreement``, ``overlap_cells``, ``occupied_agreement`` in cells of ``resolution_m``,
-    ``occupied_m``, the length of the walls that both maps have, ``rivals``, the number of other hypotheses with at least
-    half of the best one's L; with a covariance also ``sigma_max_m``, the greatest standard deviation of where the common
-    walls lie, and ``degenerate_dir_rad``, its direction in the target's frame in [0, π).
+    ``occupied_m``, the length of the walls that both maps have, ``rivals``, the number of other hypotheses with at
+    least half of the best one's L; with a covariance also ``sigma_max_m``, the greatest standard deviation of where the
+    common walls lie, and ``degenerate_dir_rad``, its direction in the target's frame in [0, π).
     """
 
-    def __init__(self, *, returned: int = 6) -> None:
+    def __init__(self, *, returned: int = 4) -> None:
         if returned < 2:
             raise ConfigError(f"correlation needs returned >= 2, found {returned}")
         self.returned = returned
@@ -56,10 +58,11 @@ class Correlation:
         a, b = _grid("target", target), _grid("source", source)
         unit_m = canonical_m(a.resolution_m, b.resolution_m)
         ours, theirs = prepare(a, unit_m, "target"), prepare(b, unit_m, "source")
-        poses = search(ours, theirs)
-        poses[:, :2] += ours.origin_m
-        rough = [placed(pose, theirs.centre_m) for pose in poses]
+        gate = None if prior is None else Gate.of(prior, theirs.centre_m)
+        rough = [placed(pose, theirs.centre_m) for pose in search(ours, theirs, gate)]
         exact = refined(distance_field(a), distance_field(b), theirs.centre_m, rough)
+        if gate is not None:
+            exact = [gate.clipped(*pair, theirs.centre_m) for pair in zip(exact, rough, strict=True)]
         found = _distinct(ours, theirs, exact)[: self.returned]
         return [_told(ours, theirs, found, rank) for rank in range(len(found))]
 
@@ -72,7 +75,7 @@ def _grid(name: str, map_: Map) -> GridMap:
 
 def _distinct(target: Prepared, source: Prepared, transforms: Sequence[Transform]) -> list[_Hypothesis]:
     """The best of each place, best first."""
-    some, _ = thinned(source.walls, ASKED_WALLS)
+    some = thinned(source.walls, ASKED_WALLS)
     all_ = [_Hypothesis(T, meet(target, source, T), T.apply(some)) for T in transforms]
     kept: list[_Hypothesis] = []
     for one in sorted(all_, key=lambda h: -h.met.log_bayes_factor):
@@ -109,5 +112,5 @@ def _told(target: Prepared, source: Prepared, found: Sequence[_Hypothesis], rank
 
 
 def _certainty(target: Prepared, source: Prepared, T: Transform) -> Certainty | None:
-    sides = (Lattice(side.classes, side.unit_m, side.origin_m) for side in (target, source))
-    return certainty(*sides, T, SEARCH_CELLS * target.unit_m, SEARCH_RAD)
+    ours, theirs = (Lattice(side.classes, side.unit_m, side.origin_m) for side in (target, source))
+    return certainty(ours, theirs, T, SEARCH_CELLS * target.unit_m, SEARCH_RAD)

@@ -11,114 +11,178 @@ from numpy.typing import NDArray
 
 from mapgraft.contracts import Points
 from mapgraft_grid.bayes import WEIGHTS
+from mapgraft_grid.gate import Gate
+from mapgraft_grid.grid_map import OCCUPIED
 from mapgraft_grid.kernels.correlating import climb, fields, multiply, peaks, splat
-from mapgraft_grid.prepared import Prepared
+from mapgraft_grid.prepared import Prepared, thinned
 
-COARSE_M: Final = 0.4
-CELLS_ACROSS: Final = 260  # of both maps together on the coarse level, about
-STEP_CELLS: Final = 2.0  # coarse cells by which a step of rotation moves the farthest point
-RING: Final = 0.5
-KEPT: Final = (400, 100, 40)
-PER_YAW: Final = 12
-COARSE_FREE: Final = 4000
-FINE_FREE: Final = 1200
-FINE_WALLS: Final = 1200
-BATCH: Final = 8
+COARSE_M: Final = 0.3  # finest cells on which everything is searched
+CELLS_ACROSS: Final = 140  # such cells across what the search covers: larger maps are searched on larger cells
+STEP_CELLS: Final = 2.0  # coarse cells by which one step of rotation moves the source's farthest wall
+RING: Final = 0.5  # what a wall beside a wall tells on coarse cells, as a share of one upon it
+CLEAR_CELLS: Final = 0.75  # free cells this near a wall tell nothing on coarse cells: they may fall on it
+PER_YAW: Final = 10  # local maxima that are kept of each rotation
+KEPT: Final = 300  # of all rotations
+KEPT_FINER: Final = (100, 60)  # on the levels below
+MOST_FOUND: Final = 24
+ONE_M: Final = 0.4  # poses this near each other end in one when they are refined
+ONE_RAD: Final = math.radians(3.0)
+COARSE_POINTS: Final = (4_000, 3_000)  # walls and free cells of the source that are looked at, at most
+FINE_POINTS: Final = (500, 500)
+DIRECT: Final = 4_000  # poses within a prior that are tried one by one
+BATCH: Final = 8  # rotations transformed at once: what fits a cache
 
-Poses = NDArray[np.float64]  # (k, 4) where the source's centre lies (x, y in m from the target's corner), yaw, score
+# (k, 4): where the source's centre comes to lie (x, y in metres in the target's frame), yaw, score; best first
+Poses = NDArray[np.float64]
 
 
 class Level(NamedTuple):
-    """The target's fields on cells of one size."""
+    """What walls and free cells of a source tell on the target, on cells of one size."""
 
     unit_m: float
+    origin_m: NDArray[np.float64]
     on_wall: NDArray[np.float32]
     on_free: NDArray[np.float32]
 
 
+class Sample(NamedTuple):
+    """Some walls and free cells of a source (m, from its centre), and how many cells each of them stands for."""
+
+    walls: Points
+    free: Points
+    weights: tuple[float, float]
+
+
+def search(target: Prepared, source: Prepared, gate: Gate | None = None) -> Poses:
+    """The poses with the highest scores on canonical cells, some dozens; only those within the gate.
+
+    The score is the log Bayes factor of walls and free cells of the source, sampled. Without a gate, or with a wide
+    one, every rotation and shift is looked at by FFT on coarse cells; within a narrow one all poses are tried.
+    """
+    if gate is not None and (tried := _within(target, source, gate)) is not None:
+        factor, (poses, step_rad) = 2, tried
+    else:
+        factor = coarse_factor(target, source)
+        poses, step_rad = _everywhere(target, source, factor, gate)
+    sample = _sample(source, 0.0, FINE_POINTS)
+    kept = iter(KEPT_FINER)
+    while factor > 1:
+        factor, step_rad = max(1, factor // 2), step_rad / 2.0
+        fine = level(target, factor)
+        poses = _best(_climbed(fine, sample, poses, step_rad, 1), fine.unit_m, step_rad, next(kept, MOST_FOUND))
+    return _best(poses, ONE_M, ONE_RAD, MOST_FOUND)
+
+
 def level(target: Prepared, factor: int) -> Level:
+    """The target's fields on cells ``factor`` times the canonical ones; made once."""
     key = ("level", factor)
     if key not in target.kept:
-        on = fields(
-            target.marks, factor, np.ascontiguousarray(WEIGHTS[:, 2]), np.ascontiguousarray(WEIGHTS[:, 1]), RING
+        wall, free = WEIGHTS[:, OCCUPIED].copy(), WEIGHTS[:, 1].copy()
+        target.kept[key] = Level(
+            factor * target.unit_m, target.origin_m, *fields(target.marks, factor, wall, free, RING)
         )
-        target.kept[key] = Level(factor * target.unit_m, *on)
     found = target.kept[key]
     assert isinstance(found, Level)
     return found
 
 
-def thinned(points: Points, most: int) -> tuple[Points, float]:
-    """About ``most`` of the points at most, evenly, and how many each stands for."""
-    step = max(1, -(-len(points) // most))
-    some = np.ascontiguousarray(points[step // 2 :: step])
-    return some, len(points) / max(1, len(some))
-
-
 def coarse_factor(target: Prepared, source: Prepared) -> int:
-    across = max(target.classes.shape) * target.unit_m + 2.0 * source.radius_m
-    finest = max(COARSE_M, across / CELLS_ACROSS)
-    return int(2 ** round(math.log2(finest / target.unit_m)))
+    """How many canonical cells the cells of the coarse level are wide: as the maps' extents say."""
+    across_m = float(max(target.classes.shape)) * target.unit_m + source.radius_m
+    return max(1, round(max(COARSE_M, across_m / CELLS_ACROSS) / target.unit_m))
 
 
-def search(target: Prepared, source: Prepared) -> Poses:
-    factor = coarse_factor(target, source)
-    poses, step = everywhere(target, source, factor)
-    kept = list(KEPT)
-    walls, wall_weight = thinned(source.walls - source.centre_m, FINE_WALLS)
-    free, weight = thinned(source.free - source.centre_m, FINE_FREE)
-    while factor > 1:
-        poses = poses[: kept[0]] if len(kept) else poses[:40]
-        kept = kept[1:]
-        factor //= 2
-        step /= 2
-        fine = level(target, factor)
-        poses = climb(
-            fine.on_wall, fine.on_free, fine.unit_m, walls, free, weight / wall_weight, poses[:, :3].copy(), step, 1, 1
-        )
-        poses = distinct(poses[np.argsort(-poses[:, 3], kind="stable")], fine.unit_m, step)
-    return poses[: kept[0]] if kept else poses[:40]
+def _sample(source: Prepared, clear_m: float, most: tuple[int, int]) -> Sample:
+    """Evenly chosen walls and free cells; free ones only ``clear_m`` from walls, and no farther out than walls are."""
+    key = ("sample", clear_m, most)
+    if key not in source.kept:
+        free = source.free - source.centre_m
+        keep = (free**2).sum(axis=1) <= source.radius_m**2
+        if clear_m > 0.0:
+            keep &= source.wall_distances() > clear_m
+        some = thinned(source.walls - source.centre_m, most[0]), thinned(free[keep], most[1])
+        counts = len(source.walls), int(keep.sum())
+        weights = tuple(count / max(1, len(part)) for count, part in zip(counts, some, strict=True))
+        source.kept[key] = Sample(*some, (weights[0], weights[1]))
+    found = source.kept[key]
+    assert isinstance(found, Sample)
+    return found
 
 
-def everywhere(target: Prepared, source: Prepared, factor: int) -> tuple[Poses, float]:
+def _everywhere(target: Prepared, source: Prepared, factor: int, gate: Gate | None) -> tuple[Poses, float]:
+    """The best local maxima over all rotations and shifts, and the step of rotation."""
     coarse = level(target, factor)
-    unit = coarse.unit_m
-    reach = math.ceil(source.radius_m / unit) + 1
-    height, width = (scipy.fft.next_fast_len(n + 2 * reach, real=True) for n in coarse.on_wall.shape)
-    quarter = max(8, math.ceil(math.pi * source.radius_m / (STEP_CELLS * unit)))
-    yaws = math.pi / quarter * np.arange(quarter)
-    walls, _ = thinned(source.walls - source.centre_m, 4000)
-    free, weight = thinned(source.free - source.centre_m, COARSE_FREE)
-    still = scipy.fft.rfft2(np.stack((coarse.on_wall, coarse.on_free)), (height, width))
-    found: list[NDArray[np.float64]] = []
-    for first in range(0, quarter, BATCH):
+    unit_m, reach = coarse.unit_m, math.ceil(source.radius_m / coarse.unit_m) + 1
+    # a source far outside wraps around, onto where little of it meets the target: both places are then tried
+    shape = tuple(scipy.fft.next_fast_len(max(n + reach, 2 * reach + 1), real=True) for n in coarse.on_wall.shape)
+    half_turn = max(8, math.ceil(math.pi * source.radius_m / (STEP_CELLS * unit_m)))
+    yaws: NDArray[np.float64] = math.pi / half_turn * np.arange(half_turn)
+    if gate is not None:
+        yaws = yaws[[gate.admits_line(yaw, math.pi / half_turn) for yaw in yaws]]
+    sample = _sample(source, CLEAR_CELLS * unit_m, COARSE_POINTS)
+    still = scipy.fft.rfft2(np.stack((coarse.on_wall, coarse.on_free)), shape)
+    found: list[NDArray[np.float64]] = [np.empty((0, 4))]
+    for first in range(0, yaws.size, BATCH):
         part = yaws[first : first + BATCH]
-        grids = np.zeros((2, part.size, height, width), np.float32)
-        splat(walls, 1.0, part, unit, grids[0])
-        splat(free, weight, part, unit, grids[1])
-        turned = scipy.fft.rfft2(grids)
-        cross = np.empty_like(turned)
-        multiply(still, turned, cross)
-        scores = scipy.fft.irfft2(cross, (height, width))
-        for half in range(2):
-            for k in range(part.size):
-                places, values = peaks(scores[half, k], PER_YAW, 0.0)
-                n = len(values)
-                if n:
-                    y = np.where(places[:, 0] >= coarse.on_wall.shape[0] + reach, places[:, 0] - height, places[:, 0])
-                    x = np.where(places[:, 1] >= coarse.on_wall.shape[1] + reach, places[:, 1] - width, places[:, 1])
-                    found.append(
-                        np.column_stack(
-                            ((x + 0.5) * unit, (y + 0.5) * unit, np.full(n, part[k] + half * math.pi), values)
-                        )
-                    )
-    poses = np.concatenate(found)
+        scores = _scores(still, sample, part, unit_m, shape)
+        for half, k in np.ndindex(2, part.size):
+            places, values = peaks(scores[half, k], PER_YAW, 0.0)
+            found.append(np.column_stack((places, np.full(values.size, part[k] + half * math.pi), values)))
+    poses = _unwrapped(_best(np.concatenate(found), 0.0, 0.0, KEPT), coarse, reach, shape)
+    if gate is not None:
+        poses = poses[gate.admits(poses, unit_m, math.pi / half_turn)]
+    return poses, math.pi / half_turn
+
+
+def _scores(
+    still: NDArray[np.complex64], sample: Sample, yaws: NDArray[np.float64], unit_m: float, shape: tuple[int, ...]
+) -> NDArray[np.float32]:
+    """The scores (2, k, h, w) of all shifts, of the source turned by each yaw and by half a turn more."""
+    grids = np.zeros((2, yaws.size, *shape), np.float32)
+    splat(sample.walls, sample.weights[0], yaws, unit_m, grids[0])
+    splat(sample.free, sample.weights[1], yaws, unit_m, grids[1])
+    turned = scipy.fft.rfft2(grids)
+    cross = np.empty_like(turned)
+    multiply(still, turned, cross)
+    scores: NDArray[np.float32] = scipy.fft.irfft2(cross, shape)
+    return scores
+
+
+def _unwrapped(periodic: NDArray[np.float64], coarse: Level, reach: int, shape: tuple[int, ...]) -> Poses:
+    """The poses that periodic ones (k, 4) of row, column, yaw and score can mean: where source and target can meet."""
+    out = []
+    for turns in np.ndindex(3, 3):
+        cells = periodic[:, :2] + (np.array(turns) - 1) * np.array(shape)
+        meets = ((cells >= -reach) & (cells < np.array(coarse.on_wall.shape) + reach)).all(axis=1)
+        places = (cells[meets, ::-1] + 0.5) * coarse.unit_m + coarse.origin_m
+        out.append(np.hstack((places, periodic[meets, 2:])))
+    return _best(np.concatenate(out), 0.0, 0.0, KEPT)
+
+
+def _within(target: Prepared, source: Prepared, gate: Gate) -> tuple[Poses, float] | None:
+    """The scores of all poses within the gate, on cells of twice the canonical size; None when they are too many."""
+    fine = level(target, 2)
+    step_rad = fine.unit_m / max(source.radius_m, fine.unit_m)
+    poses = gate.lattice(fine.unit_m, step_rad, DIRECT)
+    if poses is None:
+        return None
+    return _best(_climbed(fine, _sample(source, 0.0, FINE_POINTS), poses, 0.0, 0), 0.0, 0.0, KEPT), step_rad
+
+
+def _climbed(fine: Level, sample: Sample, poses: Poses, step_rad: float, around: int) -> Poses:
+    """The best pose around each, ``around`` cells and steps of rotation to either side."""
+    here = poses[:, :3].copy()
+    here[:, :2] = (here[:, :2] - fine.origin_m) / fine.unit_m
+    walls, free = sample.walls / fine.unit_m, sample.free / fine.unit_m
+    out = climb(fine.on_wall, fine.on_free, walls, free, sample.weights, here, step_rad, around, around)
+    out[:, :2] = out[:, :2] * fine.unit_m + fine.origin_m
+    return out
+
+
+def _best(poses: Poses, apart_m: float, apart_rad: float, count: int) -> Poses:
+    """The best ``count`` poses, of those in one small cell of x, y and yaw only the best."""
     poses = poses[np.argsort(-poses[:, 3], kind="stable")]
-    return poses, math.pi / quarter
-
-
-def distinct(poses: Poses, apart_m: float, apart_rad: float) -> Poses:
-    """The poses, best first, without those that repeat a better one."""
-    cells = np.round(poses[:, :3] / np.array([apart_m, apart_m, apart_rad])).astype(np.int64)
-    _, first = np.unique(cells, axis=0, return_index=True)
-    return poses[np.sort(first)]
+    if apart_m > 0.0:
+        cells = np.round(poses[:, :3] / np.array([apart_m, apart_m, apart_rad])).astype(np.int64)
+        poses = poses[np.sort(np.unique(cells, axis=0, return_index=True)[1])]
+    return poses[:count]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.contracts import EmptyMapError, Points
-from mapgraft_grid.grid_map import OCCUPIED, Classes, GridMap
+from mapgraft_grid.grid_map import FREE, OCCUPIED, Classes, GridMap
 from mapgraft_grid.kernels.coarsen import coarsen
 from mapgraft_grid.kernels.meeting import mark
 
@@ -26,25 +26,39 @@ Marks = NDArray[np.uint8]  # (h, w) as ``kernels.meeting.mark`` makes them
 class Prepared:
     """One grid at one resolution: row 0 at the smallest y, ``origin_m`` its lower-left corner, all read-only.
 
-    ``walls`` (n, 2) and ``free`` (m, 2) are the centres of its occupied and free cells in metres, in the map's frame;
-    ``centre_m`` is the middle of what is known, ``radius_m`` how far from there it reaches, ``walls_m`` the mean of the
-    walls. ``kept`` holds what is made of it on demand.
+    ``walls`` (n, 2) are the centres of its occupied cells in metres, in the map's frame, ``centre_m`` is their middle
+    and ``radius_m`` how far from there they reach. ``kept`` holds what is made on demand, once.
     """
 
     unit_m: float
     origin_m: NDArray[np.float64]
     classes: Classes
-    marks: Marks
     walls: Points
-    free: Points
     centre_m: NDArray[np.float64]
     radius_m: float
     kept: dict[object, object] = field(default_factory=dict)
 
     @property
-    def walls_m(self) -> NDArray[np.float64]:
-        mean: NDArray[np.float64] = self.walls.mean(axis=0)
-        return mean
+    def marks(self) -> Marks:
+        """What lies in each cell and beside it (h, w), see ``kernels.meeting.mark``."""
+        if "marks" not in self.kept:
+            self.kept["marks"] = mark(self.classes)
+        found: Marks = np.asarray(self.kept["marks"])
+        return found
+
+    @property
+    def free(self) -> Points:
+        """The centres of the free cells (m, 2), as those of the walls; not kept."""
+        return _centres(self.classes, FREE, self.unit_m, self.origin_m)
+
+    def wall_distances(self) -> NDArray[np.float64]:
+        """How far each of the free cells is from the nearest wall, in metres (m,); about."""
+        import cv2
+
+        no_wall = (self.classes != OCCUPIED).astype(np.uint8)
+        distances = cv2.distanceTransform(no_wall, cv2.DIST_L2, cv2.DIST_MASK_3)
+        out: NDArray[np.float64] = distances[self.classes == FREE] * float(self.unit_m)
+        return out
 
 
 _PREPARED: weakref.WeakKeyDictionary[GridMap, dict[float, Prepared]] = weakref.WeakKeyDictionary()
@@ -74,16 +88,20 @@ def _prepared(map_: GridMap, unit_m: float, name: str) -> Prepared:
     size_m = unit_m if resample else grid.resolution_m
     classes = np.pad(classes, RIM)
     origin_m = np.asarray(grid.origin_m, dtype=np.float64) - RIM * size_m
-    walls, free = (_centres(classes, wanted, size_m, origin_m) for wanted in (OCCUPIED, 1))
+    walls = _centres(classes, OCCUPIED, size_m, origin_m)
     if not len(walls):
         raise EmptyMapError(f"the {name} map has no occupied cell, so there is nothing to match: map more of it first")
-    known = np.concatenate((walls, free))
-    centre = (known.min(axis=0) + known.max(axis=0)) / 2.0
-    radius = math.sqrt(float(((known - centre) ** 2).sum(axis=1).max()))
-    marks = mark(classes)[1:-1, 1:-1]
-    return Prepared(size_m, origin_m, classes, np.ascontiguousarray(marks), walls, free, centre, radius)
+    centre = (walls.min(axis=0) + walls.max(axis=0)) / 2.0
+    radius = math.sqrt(float(((walls - centre) ** 2).sum(axis=1).max()))
+    return Prepared(size_m, origin_m, classes, walls, centre, radius)
 
 
 def _centres(classes: Classes, wanted: int, unit_m: float, origin_m: NDArray[np.float64]) -> Points:
     rows, columns = np.nonzero(classes == wanted)
     return np.stack((columns + 0.5, rows + 0.5), axis=1) * unit_m + origin_m
+
+
+def thinned(points: Points, most: int) -> Points:
+    """Every k-th of the points, so that no more than ``most`` are left."""
+    step = max(1, -(-len(points) // most))
+    return np.ascontiguousarray(points[step // 2 :: step])

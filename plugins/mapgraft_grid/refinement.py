@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from mapgraft.contracts import Points, Transform
 from mapgraft_grid.grid_map import OCCUPIED, GridMap
 from mapgraft_grid.kernels.refining import refine
-from mapgraft_grid.prepared import Prepared, prepare
+from mapgraft_grid.prepared import Prepared, prepare, thinned
 
 FINEST_M: Final = 0.05  # the field of a finer map is made at this resolution: walls are no sharper
-MOST_POINTS: Final = 1_200  # of each map
+MOST_POINTS: Final = 600  # of each map
 SIGMAS_CELLS: Final = (3.0, 1.5)  # scales of the robust loss, in cells of the coarser field
-STEPS: Final = 8  # of Gauss-Newton with each
+STEPS: Final = 6  # of Gauss-Newton with each
 FAR_M: Final = 1.0  # distances are cut off here
 
 
@@ -43,10 +43,9 @@ def _field(prepared: Prepared) -> Field:
     import cv2
 
     empty = np.where(prepared.classes == OCCUPIED, 0, 1).astype(np.uint8)
-    distances = cv2.distanceTransform(empty, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    distances = cv2.distanceTransform(empty, cv2.DIST_L2, cv2.DIST_MASK_5)
     distances = np.minimum(distances * np.float32(prepared.unit_m), np.float32(FAR_M))
-    step = max(1, -(-len(prepared.walls) // MOST_POINTS))
-    return Field(distances, prepared.unit_m, prepared.origin_m, np.ascontiguousarray(prepared.walls[step // 2 :: step]))
+    return Field(distances, prepared.unit_m, prepared.origin_m, thinned(prepared.walls, MOST_POINTS))
 
 
 def refined(
@@ -54,8 +53,8 @@ def refined(
 ) -> list[Transform]:
     """Each ``T_target_source`` moved to where the walls of both maps lie on each other, within a few cells.
 
-    ``centre_m`` is the point of the source about which is turned. Minimises Welsch's loss over the distances of the
-    walls of either map to those of the other, at two scales.
+    ``centre_m`` is the point of the source about which is turned. Minimises Geman and McClure's loss over the distances
+    of the walls of either map to those of the other, at two scales.
     """
     if not hypotheses:
         return []

@@ -11,21 +11,20 @@ from numpy.typing import NDArray
 
 @njit(cache=True)
 def mark(classes: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The marks of classes (h, w), with a rim of one cell: (h + 2, w + 2).
+    """The marks of classes (h, w), same shape.
 
     0 unknown, 1 free, 2 occupied, 3 free and touching an occupied cell, 4 unknown and touching one (of its eight).
     """
     height, width = classes.shape
-    out = np.zeros((height + 2, width + 2), np.uint8)
-    out[1 : height + 1, 1 : width + 1] = classes
+    out = classes.copy()
     for row in range(height):
         for column in range(width):
             if classes[row, column] == 2:
-                for r in range(row, row + 3):
-                    for c in range(column, column + 3):
-                        if out[r, c] == 1:
+                for r in range(max(0, row - 1), min(height, row + 2)):
+                    for c in range(max(0, column - 1), min(width, column + 2)):
+                        if classes[r, c] == 1:
                             out[r, c] = 3
-                        elif out[r, c] == 0:
+                        elif classes[r, c] == 0:
                             out[r, c] = 4
     return out
 

@@ -43,9 +43,9 @@ def _add(
         d00, d01 = distances[low, left], distances[low, left + 1]
         d10, d11 = distances[low + 1, left], distances[low + 1, left + 1]
         r = (1 - b) * ((1 - a) * d00 + a * d01) + b * ((1 - a) * d10 + a * d11)
-        weight = share * math.exp(-0.5 * r * r / (sigma * sigma))
-        if weight < 1e-6 * share:
+        if r > 4.0 * sigma:
             continue
+        weight = share / (1.0 + (r / sigma) ** 2) ** 2
         g_x = ((1 - b) * (d01 - d00) + b * (d11 - d10)) / unit
         g_y = ((1 - a) * (d10 - d00) + a * (d11 - d01)) / unit
         if backward:
@@ -98,8 +98,8 @@ def refine(
 
     A pose brings the source's centre to (x, y), in metres from the lower-left corner of the target's field, turned by
     yaw. ``source_points`` are relative to the source's centre, ``target_points`` to the target's corner, and
-    ``source_corner`` (2,) is the source field's corner relative to its centre. Of each sigma (the scale of Welsch's
-    robust loss, in metres) at most ``steps`` steps are taken. Both directions count alike.
+    ``source_corner`` (2,) is the source field's corner relative to its centre. Of each sigma (m, the scale of
+    Geman and McClure's robust loss) at most ``steps`` steps are taken. Both directions count alike.
     """
     out = poses.copy()
     lever = 1.0
