@@ -22,6 +22,7 @@ _SALT = 0xB17D
 _BENT = {"office": 0.3, "corridors": 0.25, "castle": 0.3, "hall": 0.2, "lab": 0.6, "apartments": 0.15}
 _DOOR_CLEAR_M = 0.75
 _MOVED_M = 0.8
+_NARROW_M = 1.0  # narrower cells hold nothing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,10 +104,10 @@ def _things(
     fixed: list[Outline] = []
     loose: list[Outline] = []
     for i, cell in enumerate(cells):
-        if cell.role == "shaft":
+        if cell.role == "shaft" or min(cell.width_m, cell.depth_m) < _NARROW_M:
             continue
         front = _front(i, of_cell.get(i, []))
-        inset = traits.wall_m / 2
+        inset = min(traits.wall_m / 2, 0.2 * min(cell.width_m, cell.depth_m))
         size = (cell.width_m - 2 * inset, cell.depth_m - 2 * inset)
         size = size if front % 2 == 0 else (size[1], size[0])
         mirror = traits.mirrored and rng.random() < 0.5

@@ -178,11 +178,11 @@ def _draw_pace(rng: np.random.Generator) -> Pace:
 
 def _draw_error(rng: np.random.Generator) -> PoseError:
     return PoseError(
-        drift_m=float(rng.uniform(0.005, 0.05)),
-        drift_rad=math.radians(float(rng.uniform(0.05, 0.6))),
+        drift_m=float(rng.uniform(0.005, 0.035)),
+        drift_rad=math.radians(float(rng.uniform(0.03, 0.35))),
         memory_scans=float(rng.uniform(10.0, 80.0)),
         jitter_m=float(rng.uniform(0.002, 0.025)),
-        jitter_rad=math.radians(float(rng.uniform(0.03, 0.5))),
+        jitter_rad=math.radians(float(rng.uniform(0.03, 0.35))),
     )
 
 

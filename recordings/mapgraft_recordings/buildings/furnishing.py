@@ -185,7 +185,7 @@ def _hall(room: Room) -> None:
 
 def _corridor(room: Room) -> None:
     """Things along the walls only: the way stays open."""
-    for _ in range(room.count(0.6, 12)):
+    for _ in range(room.count(0.9, 16)):
         side = int(room.rng.choice([0, 2]) if room.depth_m > room.width_m else room.rng.choice([1, 3]))
         thing = room.against_wall(float(room.rng.uniform(0.3, 1.2)), float(room.rng.uniform(0.2, 0.45)), side)
         (room.loose if room.rng.random() < 0.3 else room.fixed).append(thing)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +14,29 @@ Corners = tuple[float, float, float, float]  # x, y of two opposite corners in m
 
 _CORRIDOR_SPACE = 0
 _NARROWEST_M = 1.8
+_LEAST_M2 = 280.0
+_TRIES = 20
 _ROTUNDA = 0.4
+_WIDTH_VARIES = 0.6  # of the share by which rooms vary
+
+
+class Corridor(NamedTuple):
+    """A corridor along its middle line from (x0, y0) to (x1, y1), reaching ``half_m`` to all sides of it."""
+
+    x0_m: float
+    y0_m: float
+    x1_m: float
+    y1_m: float
+    half_m: float
+
+    @property
+    def upright(self) -> bool:
+        return self.x0_m == self.x1_m
+
+    @property
+    def run(self) -> tuple[float, float, float]:
+        """(from, to) along and where it lies across."""
+        return (self.y0_m, self.y1_m, self.x0_m) if self.upright else (self.x0_m, self.x1_m, self.y0_m)
 
 
 class Floor:
@@ -86,8 +109,8 @@ def _lines(rng: np.random.Generator, count: int, spacing: tuple[float, float], a
     return [0.0, *np.cumsum(steps).tolist()]
 
 
-def _web(floor: Floor, xs: list[float], ys: list[float], kept: float) -> list[Corners]:
-    """Corridors along lines at ``xs`` and ``ys``, some of their pieces left out but all joined; the pieces as drawn."""
+def _web(floor: Floor, xs: list[float], ys: list[float], kept: float) -> list[Corridor]:
+    """Corridors along lines at ``xs`` and ``ys``, some of their pieces left out but all joined."""
     rng, half = floor.rng, floor.traits.corridor_m / 2
     edges = [((i, j), (i + 1, j)) for j in range(len(ys)) for i in range(len(xs) - 1)]
     edges += [((i, j), (i, j + 1)) for i in range(len(xs)) for j in range(len(ys) - 1)]
@@ -101,13 +124,14 @@ def _web(floor: Floor, xs: list[float], ys: list[float], kept: float) -> list[Co
             old, new = group[b], group[a]
             group = {node: new if root == old else root for node, root in group.items()}
         if joins or rng.random() < kept:
-            pieces.append((xs[a[0]], ys[a[1]], xs[b[0]], ys[b[1]]))
+            width = 1.0 + _WIDTH_VARIES * floor.traits.size_varies * rng.uniform(-1.0, 1.0)
+            pieces.append(Corridor(xs[a[0]], ys[a[1]], xs[b[0]], ys[b[1]], half * width))
     if rng.random() < _ROTUNDA and len(xs) > 1 and len(ys) > 1:
         middle, size = (xs[len(xs) // 2], ys[len(ys) // 2]), half * rng.uniform(1.6, 3.0)
         floor.corridor(middle[0] - size, middle[1] - size, middle[0] + size, middle[1] + size)
-    for x0, y0, x1, y1 in pieces:
-        floor.corridor(x0 - half, y0 - half, x1 + half, y1 + half)
-    return pieces
+    for x0, y0, x1, y1, reach in pieces:
+        floor.corridor(x0 - reach, y0 - reach, x1 + reach, y1 + reach)
+    return sorted(pieces)
 
 
 def _offices(floor: Floor) -> None:
@@ -132,34 +156,30 @@ def _offices(floor: Floor) -> None:
     _line_with_rooms(floor, pieces, rng.uniform(0.85, 1.0))
 
 
-def _line_with_rooms(floor: Floor, pieces: list[Corners], filled: float) -> None:
-    half, depth = floor.traits.corridor_m / 2, floor.traits.room_depth_m
-    for x0, y0, x1, y1 in sorted(pieces):
-        upright = x0 == x1
-        start, end = (y0 - half, y1 + half) if upright else (x0 - half, x1 + half)
-        at = x0 if upright else y0
+def _line_with_rooms(floor: Floor, pieces: list[Corridor], filled: float) -> None:
+    for piece in pieces:
+        (start, end, at), half = piece.run, piece.half_m
         for side in (-1.0, 1.0):
-            _rooms_along(floor, start, end, at + side * half, side * floor.varied(depth), upright, filled)
+            depth = side * floor.varied(floor.traits.room_depth_m)
+            _rooms_along(floor, start - half, end + half, at + side * half, depth, piece.upright, filled)
 
 
 def _corridors(floor: Floor) -> None:
     """Long corridors that cross, with alcoves, and few rooms."""
-    traits, rng = floor.traits, floor.rng
+    rng = floor.rng
     alike = rng.random() < 0.5
-    columns, rows = int(rng.integers(2, 4)), int(rng.integers(1, 4))
+    columns, rows = int(rng.integers(2, 4)), int(rng.integers(2, 4))
     spacing = (12.0, 32.0)
     pieces = _web(floor, _lines(rng, columns, spacing, alike), _lines(rng, rows, spacing, alike), rng.uniform(0.3, 1.0))
-    half = traits.corridor_m / 2
     every, deep, wide = rng.uniform(3.0, 9.0), rng.uniform(0.8, 2.0), rng.uniform(0.9, 2.5)
     shown = rng.uniform(0.1, 0.9)
-    for x0, y0, x1, y1 in sorted(pieces):
-        upright = x0 == x1
-        start, end, at = (y0, y1, x0) if upright else (x0, x1, y0)
+    for piece in pieces:
+        (start, end, at), half = piece.run, piece.half_m
         for place in np.arange(start + half + every / 2, end - half - wide, every).tolist():
             side = float(rng.choice([-1.0, 1.0]))
             if rng.random() < shown:
                 a, b = at + side * half, at + side * (half + deep)
-                corners = (a, place, b, place + wide) if upright else (place, a, place + wide, b)
+                corners = (a, place, b, place + wide) if piece.upright else (place, a, place + wide, b)
                 floor.add(corners, "corridor", space=_CORRIDOR_SPACE)
     _line_with_rooms(floor, pieces, rng.uniform(0.0, 0.6))
 
@@ -243,6 +263,9 @@ _LAYOUTS: dict[str, Callable[[Floor], None]] = {
 
 def lay_out(traits: Traits, rng: np.random.Generator) -> list[Cell]:
     """The cells of one floor of the traits' kind."""
-    floor = Floor(traits, rng)
-    _LAYOUTS[traits.kind](floor)
+    for _ in range(_TRIES):
+        floor = Floor(traits, rng)
+        _LAYOUTS[traits.kind](floor)
+        if sum(cell.width_m * cell.depth_m for cell in floor.cells if cell.role != "shaft") >= _LEAST_M2:
+            break
     return floor.cells

@@ -17,17 +17,18 @@ _STEP_M = 0.1
 _TURN_STEP_RAD = math.radians(3.0)
 _SIGHT_M = 35.0
 _CANDIDATES = 12
+_NEAR_M = 4.0  # places nearer to where the robot stopped before are not new
 _TIGHT_M = 0.16  # a smoothed way must stay that far from everything
 
 
 @dataclass(frozen=True, slots=True)
 class Habits:
-    """How one robot is driven. ``rooms`` is how much rooms attract beyond their number, ``looks`` the share of stops at
-    which it turns on the spot, ``returns`` how readily it goes back to where it was."""
+    """How one robot is driven: ``hop_m`` is how far it likes to go at once, ``looks`` the share of stops at which it
+    turns on the spot, ``returns`` how readily it goes back to where it was.
+    """
 
     robot_m: float
     hop_m: float
-    rooms: float
     looks: float
     returns: float
     sway_m: float
@@ -37,10 +38,9 @@ class Habits:
 def draw_habits(rng: np.random.Generator) -> Habits:
     return Habits(
         robot_m=float(rng.uniform(0.22, 0.32)),
-        hop_m=float(rng.uniform(4.0, 15.0)),
-        rooms=float(rng.uniform(0.5, 3.0)),
+        hop_m=float(rng.uniform(5.0, 20.0)),
         looks=float(rng.uniform(0.1, 0.7)),
-        returns=float(rng.uniform(0.02, 0.5)),
+        returns=float(rng.uniform(0.01, 0.3)),
         sway_m=float(rng.uniform(0.0, 0.12)),
         smoothing_m=float(rng.uniform(0.15, 0.6)),
     )
@@ -110,7 +110,7 @@ class Wanderer:
             cell = floor.cell(x, y)
             if not math.isfinite(cost[cell]) or cost[cell] < 1.5:
                 continue
-            familiar = sum(math.hypot(x - a, y - b) < 3.0 for a, b in self._been)
+            familiar = sum(math.hypot(x - a, y - b) < _NEAR_M for a, b in self._been)
             places.append(cell)
             weights.append(math.exp(-float(cost[cell]) / self._habits.hop_m) * self._habits.returns ** min(familiar, 3))
             if len(places) == _CANDIDATES:

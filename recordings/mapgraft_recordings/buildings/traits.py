@@ -15,7 +15,9 @@ class Traits:
 
     ``copied`` is the share of rooms that are exact copies of the building's model room of their size; the others are
     furnished anew. ``relief`` is the number of niches, pilasters and radiators per metre of wall face, ``relief_m``
-    how deep they are, ``crooked_m`` how far the corners of a wall face lie off its line. ``sidelights`` is the share of
+    how deep they are, ``crooked_m`` how far the corners of a wall face lie off its line, ``uneven`` how
+    far whole walls lie off theirs as a share of their thickness; ``columns`` is the share of walls with a column.
+    ``sidelights`` is the share of
     doors with a narrow pane beside them, through which a little of the room is seen.
     """
 
@@ -38,6 +40,8 @@ class Traits:
     relief_m: float
     regular_relief: bool
     crooked_m: float
+    uneven: float
+    columns: float
     glass_outside: float
     glass_inside: float
     sidelights: float
@@ -91,14 +95,16 @@ def draw_traits(kind: str, rng: np.random.Generator) -> Traits:
         corridor_m=rng.uniform(*_CORRIDOR_M[kind]),
         room_width_m=rng.uniform(width_from, width_to),
         room_depth_m=rng.uniform(depth_from, depth_to),
-        size_varies=float(rng.choice([0.0, 0.0, rng.uniform(0.05, 0.5)])),
-        copied=float(rng.choice([0.0, 0.0, rng.uniform(0.0, 1.0), 1.0])),
+        size_varies=float(rng.choice([0.0, rng.uniform(0.05, 0.5), rng.uniform(0.05, 0.5)])),
+        copied=float(rng.choice([0.0, rng.uniform(0.0, 1.0), 1.0], p=[0.55, 0.25, 0.2])),
         mirrored=bool(rng.random() < 0.4),
         clutter=float(rng.choice([rng.uniform(0.15, 0.7), rng.uniform(0.7, 2.0)])),
-        relief=rng.uniform(0.0, 0.5),
+        relief=rng.uniform(0.0, 0.9),
         relief_m=rng.uniform(0.04, 0.15) * (1.6 if kind == "castle" else 1.0),
         regular_relief=bool(rng.random() < 0.5),
         crooked_m=float(rng.choice([0.0, rng.uniform(0.0, 0.025)])),
+        uneven=float(rng.choice([0.0, rng.uniform(0.0, 0.3), rng.uniform(0.0, 0.3)])),
+        columns=float(rng.choice([0.0, rng.uniform(0.1, 1.0)])),
         glass_outside=rng.uniform(0.1, 0.7) if glassy else 0.0,
         glass_inside=float(rng.choice([0.0, rng.uniform(0.05, 0.4)], p=[0.7, 0.3])),
         sidelights=float(rng.choice([0.0, rng.uniform(0.1, 0.9)])),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -71,7 +71,10 @@ def _build(
     made: Shell, wall: Border, doors: list[Doorway], cells: Sequence[Cell], traits: Traits, rng: np.random.Generator
 ) -> None:
     outside = wall.before < 0 or wall.after < 0
-    thickness = traits.outer_wall_m if outside else traits.wall_m
+    thickness = (traits.outer_wall_m if outside else traits.wall_m) * (1.0 + traits.uneven * rng.uniform(0.0, 1.0))
+    wall = replace(wall, at_m=wall.at_m + traits.uneven * thickness * rng.uniform(-1.0, 1.0))
+    if rng.random() < traits.columns:
+        made.solid.append(_across(wall, wall.low_m, *(thickness + rng.uniform(0.06, 0.4, 2)).tolist()))
     start = wall.low_m - thickness / 2
     for door in sorted(doors, key=lambda door: door.low_m):
         end = _sidelight(made, wall, start, door.low_m, thickness, traits, rng)
