@@ -8,10 +8,46 @@ from collections.abc import Callable
 import beacons as beacon_plugin
 import pytest
 
-from mapgraft.contracts import Observation, Transform
+from mapgraft.contracts import Meeting, Observation, Situation, Transform
+from mapgraft.decision import build_table
+from mapgraft.events import Event, Snapshot
+from mapgraft.history import History, Journal
+from mapgraft.persons import Hand
 from mapgraft.plugins import GROUP, Origin, Plugins, load_plugin, load_plugins
+from mapgraft.procedures import Workshop
+from mapgraft.replay import Exchange, replay
+from mapgraft.reversal import new_reversal
+from mapgraft.robot import Robot
 
 Hear = Callable[..., Observation]
+SECOND = 1_000_000_000
+
+
+class Memory:
+    """A sink that keeps everything."""
+
+    def __init__(self) -> None:
+        self.events: list[Event] = []
+        self.snapshots: list[Snapshot] = []
+
+    def observed(self, observation) -> None:
+        pass
+
+    def happened(self, event) -> None:
+        self.events.append(event)
+
+    def mapped(self, snapshot) -> None:
+        self.snapshots.append(snapshot)
+
+
+class At:
+    """A policy: everybody meets at these stamps."""
+
+    def __init__(self, *stamps_s: int) -> None:
+        self.stamps_ns = [s * SECOND for s in stamps_s]
+
+    def due(self, situation: Situation) -> list[Meeting]:
+        return [Meeting(ns) for ns in self.stamps_ns if situation.previous_ns < ns <= situation.now_ns]
 
 
 @pytest.fixture
@@ -31,3 +67,24 @@ def hear() -> Hear:
         return Observation(robot, stamp_ns, stamp_ns, "ear", "heard", tuple(at), T, T)
 
     return make
+
+
+@pytest.fixture
+def play(plugins, hear):
+    """Replays tuples (second, robot, places…) and gives back the memory and the robots."""
+
+    def run(*observations, meet=(), reversal="ledger", hand=None, rules=None):
+        memory = Memory()
+        history, workshop, table = History(memory), Workshop(plugins), build_table(plugins, rules)
+        robots = {}
+        for name in sorted({robot for _, robot, *_ in observations}):
+            map_type = beacon_plugin.Beacons()
+            kept = new_reversal(reversal, map_type)
+            journal = Journal(history, name, map_type, kept)
+            robots[name] = Robot(name, map_type, kept, table, workshop, hand or Hand(), journal)
+        stream = [hear(robot, *at, stamp_ns=second * SECOND) for second, robot, *at in observations]
+        exchange = Exchange(At(*meet), robots)
+        assert replay(stream, robots, exchange, memory) == len(stream)
+        return memory, robots, exchange
+
+    return run

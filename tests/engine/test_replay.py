@@ -3,74 +3,19 @@
 from __future__ import annotations
 
 import pytest
-from beacons import Beacons
 
 from mapgraft.config import VerdictConfig
 from mapgraft.contracts import Meeting, Prior, Situation, Transform
-from mapgraft.decision import build_table
-from mapgraft.events import Event, Snapshot
-from mapgraft.history import History, Journal
 from mapgraft.persons import Hand, planar_covariance
-from mapgraft.procedures import Workshop
-from mapgraft.replay import Exchange, replay
-from mapgraft.reversal import new_reversal
-from mapgraft.robot import Robot
+from mapgraft.replay import Exchange
 
 SECOND = 1_000_000_000
-
-
-class Memory:
-    """A sink that keeps everything."""
-
-    def __init__(self) -> None:
-        self.events: list[Event] = []
-        self.snapshots: list[Snapshot] = []
-
-    def observed(self, observation) -> None:
-        pass
-
-    def happened(self, event) -> None:
-        self.events.append(event)
-
-    def mapped(self, snapshot) -> None:
-        self.snapshots.append(snapshot)
-
-
-class At:
-    """A policy: everybody meets at these stamps."""
-
-    def __init__(self, *stamps_s: int) -> None:
-        self.stamps_ns = [s * SECOND for s in stamps_s]
-
-    def due(self, situation: Situation) -> list[Meeting]:
-        return [Meeting(ns) for ns in self.stamps_ns if situation.previous_ns < ns <= situation.now_ns]
-
-
-@pytest.fixture
-def play(plugins, hear):
-    """Replays tuples (second, robot, places…) and gives back the memory and the robots."""
-
-    def run(*observations, meet=(), reversal="ledger", hand=None):
-        memory = Memory()
-        history, workshop, table = History(memory), Workshop(plugins), build_table(plugins)
-        robots = {}
-        for name in sorted({robot for _, robot, *_ in observations}):
-            map_type = Beacons()
-            kept = new_reversal(reversal, map_type)
-            journal = Journal(history, name, map_type, kept)
-            robots[name] = Robot(name, map_type, kept, table, workshop, hand or Hand(), journal)
-        stream = [hear(robot, *at, stamp_ns=second * SECOND) for second, robot, *at in observations]
-        exchange = Exchange(At(*meet), robots)
-        assert replay(stream, robots, exchange, memory) == len(stream)
-        return memory, robots, exchange
-
-    return run
 
 
 ALIKE = ((0, "alpha", 0, 2, 5), (0, "bravo", 10, 12, 15))
 
 
-def kinds(memory: Memory, receiver: str = "alpha") -> list[str]:
+def kinds(memory, receiver: str = "alpha") -> list[str]:
     return [event.kind for event in memory.events if event.receiver == receiver]
 
 

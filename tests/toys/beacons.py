@@ -6,6 +6,7 @@ The engine must carry it all the same.
 from __future__ import annotations
 
 import json
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -172,6 +173,31 @@ class Slide:
         ]
 
 
+class SlideNear:
+    """A matcher that knows how sure it is, and looks only where a prior says: every shift within three sigma of it."""
+
+    sigma_m = 1.0
+
+    def match(self, target: Chart, source: Chart, prior: Prior | None = None) -> Sequence[Match]:
+        shifts = Counter(a - b for a in target.counts for b in source.counts)
+        if prior is not None:
+            middle, reach = prior.T_receiver_donor.x_m, 3.0 * math.sqrt(prior.covariance[0, 0])
+            shifts = Counter({shift: n for shift, n in shifts.items() if abs(shift - middle) <= reach})
+        best = sorted(shifts.items(), key=lambda item: (-item[1], item[0]))[:3]
+        covariance = np.diag([self.sigma_m**2, 0.0, 0.0, 0.0, 0.0, 0.0])
+        second = best[1][1] if len(best) > 1 else 0
+        return [
+            Match(
+                Transform.planar(shift, 0.0, 0.0),
+                n,
+                n - second,
+                covariance=covariance,
+                evidence={"shifts": len(shifts)},
+            )
+            for shift, n in best
+        ]
+
+
 class FirstOne:
     """The acceptor: the first candidate, if enough is in common."""
 
@@ -245,6 +271,9 @@ def register_map_types(register):
 @hookimpl
 def register_matchers(register):
     register(Descriptor("slide", "beacons:Slide", "every shift", accepts=("beacons",)))
+    register(
+        Descriptor("slide_near", "beacons:SlideNear", "shifts near a prior", accepts=("beacons",), uses_prior=True)
+    )
 
 
 @hookimpl
