@@ -93,13 +93,16 @@ def test_the_tally_counts_what_was_right_wrong_and_merged_by_mistake(bench: Benc
     pairs += [{"a": "a.png", "b": "b.png", "res_a": 0.05, "res_b": 0.05, "T_px_b2a": pairs[0]["T_px_b2a"], "id": "two"}]
     counted = tally(judged(bench, tmp_path, pairs)[0])
     assert (counted.pairs, counted.unrelated) == (3, 1)
-    assert (counted.first.right.count, counted.first.wrong.count, counted.first.none.count) == (2, 1, 0)
-    assert (counted.accepted.right.count, counted.accepted.wrong.count) == (2, 1)
+    assert (counted.first_right.count, counted.first_wrong.count, counted.first_none.count) == (2, 1, 0)
+    assert (counted.accepted_right.count, counted.accepted_wrong.count) == (2, 1)
+    assert [bin_.of for bin_ in counted.recall] == [0, 0, 0, 0, 3]
+    assert (counted.recall_from_some.count, counted.accepted_of_right.of) == (2, 2)
     assert counted.merged.count == 1
     assert counted.areas["score"].value == 0.5, "all answers are the same one"
     assert (counted.areas["score"].right, counted.areas["score"].wrong) == (2, 2)
-    assert counted.first.median_m < 0.2
-    assert 0.0 < counted.median_s <= counted.longest_s
+    assert counted.off.metres.median < 0.2
+    assert counted.off.pixels.count == 0
+    assert 0.0 < counted.match_s.median <= counted.longest_s
 
 
 def test_a_truth_with_a_little_scale_becomes_rigid_where_the_walls_are() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,13 +16,15 @@ from rich.table import Table
 from mapgraft.commands.match import Asked, options_for, pairer_of
 from mapgraft.console import cell, print_json, remarks, results
 from mapgraft.errors import UsageError
-from mapgraft.evaluation.statistics import Share
+from mapgraft.evaluation.statistics import Area, Share, Spread
+from mapgraft.evaluation.summary import BINS
+from mapgraft.evaluation.tables import auc, percent
 from mapgraft.job import as_config
 from mapgraft.matching.document import document, number
 from mapgraft.matching.judging import Error, Judged, LeftOut, judge
 from mapgraft.matching.pair_list import MapFile, read_lists
 from mapgraft.matching.ready_map import RESOLUTION, ReadyMap, Shelf
-from mapgraft.matching.tally import EVIDENCE, Answers, Tally, tally
+from mapgraft.matching.tally import EVIDENCE, Tally, tally
 from mapgraft.plugins import load_plugins
 
 _WIDTH = 140  # characters
@@ -119,24 +122,49 @@ def _print_pairs(console: Console, judged: Sequence[Judged]) -> None:
 
 
 def _print_tally(console: Console, counted: Tally) -> None:
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for column in (f"{counted.pairs} pairs with truth", "right", "wrong", "no answer", "median error of the right"):
-        table.add_column(column, justify="left" if column.endswith("truth") else "right")
-    for name, answers in (("matcher's first hypothesis", counted.first), ("accepted by the rules", counted.accepted)):
-        table.add_row(name, _share(answers.right), _share(answers.wrong), _share(answers.none), _median(answers))
-    if counted.pairs:
-        console.print(table)
-    if counted.unrelated:
-        merged = counted.merged
-        console.print(
-            f"{counted.unrelated} unrelated pairs: {_share(merged)} merged", style="red" if merged.count else "green"
-        )
-    shown = (name for name in counted.areas if not name.startswith(EVIDENCE))
-    telling = {name: counted.areas[name] for name in shown if not math.isnan(counted.areas[name].value)}
-    if telling:
-        said = ", ".join(f"{name} {area.value:.3f}" for name, area in telling.items())
-        console.print(cell(f"area under the curve, right against all other first hypotheses: {said}"), soft_wrap=True)
-    console.print(f"matching took {counted.median_s:.3f} s (median), {counted.longest_s:.3f} s (longest)")
+    """The rows of ``mapgraft evaluate`` that ready maps have, under the same names."""
+    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
+    for title, rows in _parts(counted).items():
+        table.add_row(cell(title), style="bold")
+        for name, text in rows.items():
+            table.add_row(cell(f"  {name}"), cell(text))
+    console.print(table)
+
+
+def _parts(counted: Tally) -> dict[str, dict[str, str]]:
+    telling = {name: area for name, area in counted.areas.items() if not math.isnan(area.value)}
+    best = sorted(telling, key=lambda name: -max(telling[name].value, 1.0 - telling[name].value))
+    shown = [name for name in best if not name.startswith(EVIDENCE)]
+    return {
+        "pairs": {
+            "with truth": str(counted.pairs),
+            "unrelated": str(counted.unrelated),
+            "turned away by the decision table": str(counted.rejected),
+            "best hypothesis right / wrong / none": " / ".join(
+                str(share.count) for share in (counted.first_right, counted.first_wrong, counted.first_none)
+            ),
+        },
+        "right hypothesis on top, by true overlap": {
+            **{name: percent(share) for name, share in zip(BINS, counted.recall, strict=True)},
+            ">= .3": percent(counted.recall_from_some),
+        },
+        "merged": {
+            "right, of pairs with truth": percent(counted.accepted_right),
+            "right, of right hypotheses at overlap >= .5": percent(counted.accepted_of_right),
+            "wrong, of pairs with truth": percent(counted.accepted_wrong),
+            "unrelated, of unrelated pairs": percent(counted.merged),
+            "ambiguous": str(counted.ambiguous),
+        },
+        "error of right hypotheses, median (95th percentile)": {
+            "walls": _spread(counted.off.metres, "m"),
+            "keypoints": _spread(counted.off.pixels, "px"),
+            "rotation": _spread(counted.off.degrees, "°"),
+        },
+        "time, median (95th percentile), longest": {
+            "match": f"{_spread(counted.match_s, 's')}, {counted.longest_s:.3g} s" if counted.match_s.count else "-",
+        },
+        "area under the curve, right against wrong and unrelated": {name: auc(telling[name]) for name in shown},
+    }
 
 
 def _word(error: Error | None) -> str:
@@ -149,15 +177,9 @@ def _off(error: Error | None) -> str:
     return f"{error.keypoint_px:.1f} px" if error.keypoint_px is not None else f"{error.displacement_m:.3f} m"
 
 
-def _share(share: Share) -> str:
-    if not share.of:
-        return "–"
-    return f"{share.count} ({100 * share.value:.1f} %, {100 * share.low:.1f}–{100 * share.high:.1f})"
-
-
-def _median(answers: Answers) -> str:
-    parts = [(answers.median_m, "{:.3f} m"), (answers.median_px, "{:.1f} px"), (answers.median_deg, "{:.2f}°")]
-    return ", ".join(form.format(value) for value, form in parts if not math.isnan(value))
+def _spread(spread: Spread, unit: str) -> str:
+    gap = "" if unit == "°" else " "
+    return "-" if spread.count == 0 else f"{spread.median:.3g}{gap}{unit} ({spread.p95:.3g})"
 
 
 def as_document(judged: Sequence[Judged], left: Sequence[LeftOut], counted: Tally) -> dict[str, Any]:
@@ -169,14 +191,19 @@ def as_document(judged: Sequence[Judged], left: Sequence[LeftOut], counted: Tall
         "summary": {
             "pairs": counted.pairs,
             "unrelated": counted.unrelated,
-            "first": _answers(counted.first),
-            "accepted": _answers(counted.accepted),
-            "false_merges": _interval(counted.merged),
-            "auc": {
-                name: {"value": number(a.value), "low": number(a.low), "high": number(a.high)}
-                for name, a in counted.areas.items()
-            },
-            "match_s": {"median": number(counted.median_s), "longest": number(counted.longest_s)},
+            "rejected": counted.rejected,
+            "ambiguous": counted.ambiguous,
+            "first": {name: _numbers(getattr(counted, f"first_{name}")) for name in ("right", "wrong", "none")},
+            "recall": {name: _numbers(share) for name, share in zip(BINS, counted.recall, strict=True)},
+            "recall_from_some_overlap": _numbers(counted.recall_from_some),
+            "accepted": {name: _numbers(getattr(counted, f"accepted_{name}")) for name in ("right", "wrong")},
+            "accepted_of_right_at_much_overlap": _numbers(counted.accepted_of_right),
+            "unrelated_merged": _numbers(counted.merged),
+            "error_m": _numbers(counted.off.metres),
+            "error_px": _numbers(counted.off.pixels),
+            "error_deg": _numbers(counted.off.degrees),
+            "auc": {name: _numbers(area) for name, area in counted.areas.items()},
+            "match_s": {**_numbers(counted.match_s), "longest": number(counted.longest_s)},
         },
     }
 
@@ -198,22 +225,5 @@ def _error(error: Error | None) -> dict[str, Any] | None:
     return None if error is None else error._asdict()
 
 
-def _answers(answers: Answers) -> dict[str, Any]:
-    return {
-        "right": _interval(answers.right),
-        "wrong": _interval(answers.wrong),
-        "no_answer": _interval(answers.none),
-        "median_m": number(answers.median_m),
-        "median_deg": number(answers.median_deg),
-        "median_px": number(answers.median_px),
-    }
-
-
-def _interval(share: Share) -> dict[str, Any]:
-    return {
-        "count": share.count,
-        "of": share.of,
-        "value": number(share.value),
-        "low": number(share.low),
-        "high": number(share.high),
-    }
+def _numbers(counted: Share | Spread | Area) -> dict[str, float | None]:
+    return {name: number(value) for name, value in dataclasses.asdict(counted).items()}

@@ -9,39 +9,51 @@ from pathlib import Path
 
 import numpy as np
 
-from mapgraft.evaluation.statistics import Area, Share, Weights, area, resampled, share
+from mapgraft.evaluation.statistics import Area, Share, Spread, Weights, area, resampled, share, spread
+from mapgraft.evaluation.summary import BINS, MUCH_OVERLAP, SOME_OVERLAP, bin_of
 from mapgraft.matching.judging import Error, Judged
 from mapgraft.matching.pairing import Hypothesis
 
 SEED = 0  # of the resampling
-EVIDENCE = "evidence "  # begins the names of a matcher's own numbers
+EVIDENCE = "evidence."  # begins the names of a matcher's own numbers
 
 
 @dataclass(frozen=True, slots=True)
-class Answers:
-    """Answers to pairs with truth, and the median error of the right ones in the units of their truths."""
+class Off:
+    """How far the right first hypotheses are off: median and 95th percentile of each measure."""
 
-    right: Share
-    wrong: Share
-    none: Share
-    median_m: float
-    median_deg: float
-    median_px: float
+    metres: Spread
+    pixels: Spread
+    degrees: Spread
 
 
 @dataclass(frozen=True, slots=True)
 class Tally:
-    """``first`` counts the matcher's first hypotheses, ``accepted`` what the rules took, ``merged`` the unrelated pairs
-    that were merged. ``areas`` says how well each number of a first hypothesis tells the right ones from all others.
+    """Shares of pairs with truth and, where said, of unrelated ones.
+
+    ``recall`` are right first hypotheses by the bins of true overlap of ``mapgraft evaluate``, ``recall_from_some``
+    those from .3 on; ``first_*`` count the first hypotheses and ``accepted_*`` what the rules took of all pairs with
+    truth, ``accepted_of_right`` of those whose first hypothesis is right at an overlap of .5 and more. ``merged`` are
+    unrelated pairs that were merged. ``areas`` says how well each number of a first hypothesis tells the right ones
+    from all others.
     """
 
     pairs: int
     unrelated: int
-    first: Answers
-    accepted: Answers
+    rejected: int
+    ambiguous: int
+    first_right: Share
+    first_wrong: Share
+    first_none: Share
+    recall: tuple[Share, ...]
+    recall_from_some: Share
+    accepted_right: Share
+    accepted_wrong: Share
+    accepted_of_right: Share
     merged: Share
+    off: Off
     areas: dict[str, Area]
-    median_s: float
+    match_s: Spread
     longest_s: float
 
 
@@ -50,37 +62,49 @@ def tally(judged: Sequence[Judged]) -> Tally:
     files: dict[Path, int] = {}
     blocks = [[files.setdefault(path, len(files)) for path in (j.pair.a.path, j.pair.b.path)] for j in judged]
     weights = resampled(np.array(blocks, np.int64).reshape(-1, 2), SEED)
-    true = np.array([j.pair.kind != "unrelated" for j in judged], np.bool_)
+    true = [j.overlap is not None for j in judged]
+    overlaps = [-1.0 if j.overlap is None else j.overlap for j in judged]
+    bins = [bin_of(overlap) if overlap >= 0.0 else -1 for overlap in overlaps]
+    right, wrong = _answers([j.first for j in judged])
+    accepted, mistaken = _answers([j.accepted for j in judged])
+    much = [overlap >= MUCH_OVERLAP and is_right for overlap, is_right in zip(overlaps, right, strict=True)]
     times = [j.pairing.match_s for j in judged if j.pairing.verdict != "rejected"]
     return Tally(
-        int(true.sum()),
-        int((~true).sum()),
-        _answers([j.first for j in judged], true, weights),
-        _answers([j.accepted for j in judged], true, weights),
-        share([j.merged for j in judged], ~true, weights),
-        _areas(judged, weights),
-        float(np.median(times)) if times else math.nan,
-        max(times, default=math.nan),
+        pairs=sum(true),
+        unrelated=len(judged) - sum(true),
+        rejected=sum(j.pairing.verdict == "rejected" for j in judged),
+        ambiguous=sum(j.pairing.verdict == "ambiguous" for j in judged),
+        first_right=share(right, true, weights),
+        first_wrong=share(wrong, true, weights),
+        first_none=share([j.first is None for j in judged], true, weights),
+        recall=tuple(share(right, [n == number for n in bins], weights) for number in range(len(BINS))),
+        recall_from_some=share(right, [overlap >= SOME_OVERLAP for overlap in overlaps], weights),
+        accepted_right=share(accepted, true, weights),
+        accepted_wrong=share(mistaken, true, weights),
+        accepted_of_right=share(accepted, much, weights),
+        merged=share([j.merged for j in judged], [not is_true for is_true in true], weights),
+        off=_off([j.first for j in judged if j.first is not None and j.first.right]),
+        areas=_areas(judged, weights),
+        match_s=spread(times),
+        longest_s=max(times, default=math.nan),
     )
 
 
-def _answers(errors: Sequence[Error | None], true: np.ndarray, weights: Weights) -> Answers:
+def _answers(errors: Sequence[Error | None]) -> tuple[list[bool], list[bool]]:
+    """Which are right, and which are wrong; no answer is neither."""
     right = [error is not None and error.right for error in errors]
-    wrong = [error is not None and not error.right for error in errors]
-    good = [error for error in errors if error is not None and error.right]
-    return Answers(
-        share(right, true, weights),
-        share(wrong, true, weights),
-        share([error is None for error in errors], true, weights),
-        _median([error.displacement_m for error in good]),
-        _median([error.rotation_deg for error in good]),
-        _median([error.keypoint_px for error in good]),
+    return right, [error is not None and not error.right for error in errors]
+
+
+def _off(errors: Sequence[Error]) -> Off:
+    def of(values: Sequence[float | None]) -> Spread:
+        return spread([value for value in values if value is not None])
+
+    return Off(
+        of([error.displacement_m for error in errors]),
+        of([error.keypoint_px for error in errors]),
+        of([error.rotation_deg for error in errors]),
     )
-
-
-def _median(values: Sequence[float | None]) -> float:
-    there = [value for value in values if value is not None]
-    return float(np.median(there)) if there else math.nan
 
 
 def _areas(judged: Sequence[Judged], weights: Weights) -> dict[str, Area]:
@@ -88,10 +112,7 @@ def _areas(judged: Sequence[Judged], weights: Weights) -> dict[str, Area]:
     answered = [number for number, j in enumerate(judged) if j.pairing.hypotheses]
     rows = [_numbers(judged[number].pairing.hypotheses[0]) for number in answered]
     names = dict.fromkeys(name for row in rows for name in row)
-    right = []
-    for number in answered:
-        error = judged[number].first
-        right.append(error is not None and error.right)
+    right, _ = _answers([judged[number].first for number in answered])
     return {name: area([row.get(name, math.nan) for row in rows], right, weights[:, answered]) for name in names}
 
 
