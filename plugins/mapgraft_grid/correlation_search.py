@@ -16,6 +16,7 @@ from mapgraft_grid.grid_map import OCCUPIED
 from mapgraft_grid.kernels.correlating import climb, fields, multiply, peaks, splat
 from mapgraft_grid.prepared import Prepared, thinned
 
+FINEST: Final = 2  # canonical cells across the last level's: on finer ones maps that are a little bent do not fit
 COARSE_M: Final = 0.3  # finest cells on which everything is searched
 CELLS_ACROSS: Final = 140  # such cells across what the search covers: larger maps are searched on larger cells
 STEP_CELLS: Final = 2.0  # coarse cells by which one step of rotation moves the source's farthest wall
@@ -23,7 +24,7 @@ RING: Final = 0.5  # what a wall beside a wall tells on coarse cells, as a share
 CLEAR_CELLS: Final = 0.75  # free cells this near a wall tell nothing on coarse cells: they may fall on it
 PER_YAW: Final = 10  # local maxima that are kept of each rotation
 KEPT: Final = 300  # of all rotations
-KEPT_FINER: Final = (100, 60)  # on the levels below
+KEPT_FINER: Final = (100, 80, 80)  # on the levels below
 MOST_FOUND: Final = 24
 ONE_M: Final = 0.4  # poses this near each other end in one when they are refined
 ONE_RAD: Final = math.radians(3.0)
@@ -54,21 +55,21 @@ class Sample(NamedTuple):
 
 
 def search(target: Prepared, source: Prepared, gate: Gate | None = None) -> Poses:
-    """The poses with the highest scores on canonical cells, some dozens; only those within the gate.
+    """The poses with the highest scores on cells of twice the canonical size, some dozens; only those within the gate.
 
     The score is the log Bayes factor of walls and free cells of the source, sampled. Without a gate, or with a wide
     one, every rotation and shift is looked at by FFT on coarse cells; within a narrow one all poses are tried.
     """
     if gate is not None and (tried := _within(target, source, gate)) is not None:
-        factor, (poses, step_rad) = 2, tried
+        factor, (poses, step_rad) = FINEST, tried
     else:
         factor = coarse_factor(target, source)
         poses, step_rad = _everywhere(target, source, factor, gate)
-    sample = _sample(source, 0.0, FINE_POINTS)
     kept = iter(KEPT_FINER)
-    while factor > 1:
-        factor, step_rad = max(1, factor // 2), step_rad / 2.0
+    while factor > FINEST:
+        factor, step_rad = max(FINEST, factor // 2), step_rad / 2.0
         fine = level(target, factor)
+        sample = _sample(source, CLEAR_CELLS * fine.unit_m, FINE_POINTS)
         poses = _best(_climbed(fine, sample, poses, step_rad, 1), fine.unit_m, step_rad, next(kept, MOST_FOUND))
     return _best(poses, ONE_M, ONE_RAD, MOST_FOUND)
 
@@ -89,7 +90,7 @@ def level(target: Prepared, factor: int) -> Level:
 def coarse_factor(target: Prepared, source: Prepared) -> int:
     """How many canonical cells the cells of the coarse level are wide: as the maps' extents say."""
     across_m = float(max(target.classes.shape)) * target.unit_m + source.radius_m
-    return max(1, round(max(COARSE_M, across_m / CELLS_ACROSS) / target.unit_m))
+    return max(FINEST + 1, round(max(COARSE_M, across_m / CELLS_ACROSS) / target.unit_m))
 
 
 def _sample(source: Prepared, clear_m: float, most: tuple[int, int]) -> Sample:
@@ -160,13 +161,15 @@ def _unwrapped(periodic: NDArray[np.float64], coarse: Level, reach: int, shape: 
 
 
 def _within(target: Prepared, source: Prepared, gate: Gate) -> tuple[Poses, float] | None:
-    """The scores of all poses within the gate, on cells of twice the canonical size; None when they are too many."""
-    fine = level(target, 2)
+    """The scores of all poses within the gate, on the finest level; None when they are too many."""
+    fine = level(target, FINEST)
     step_rad = fine.unit_m / max(source.radius_m, fine.unit_m)
     poses = gate.lattice(fine.unit_m, step_rad, DIRECT)
     if poses is None:
         return None
-    return _best(_climbed(fine, _sample(source, 0.0, FINE_POINTS), poses, 0.0, 0), 0.0, 0.0, KEPT), step_rad
+    return _best(
+        _climbed(fine, _sample(source, CLEAR_CELLS * fine.unit_m, FINE_POINTS), poses, 0.0, 0), 0.0, 0.0, KEPT
+    ), step_rad
 
 
 def _climbed(fine: Level, sample: Sample, poses: Poses, step_rad: float, around: int) -> Poses:
