@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
 
 from mapgraft.contracts import GRID_MESSAGE, SCAN, Descriptor, Register, RegisterRules, hookimpl
 
 _GRID = ("occupancy_grid",)
+_EVIDENCE: Final = {
+    "bayes_factor": ("bayes_factor:BayesFactor", "log Bayes factor: do both maps see the same, or what is unrelated?"),
+    "contradiction": ("walls:Contradiction", "share of walls that stand in the other map's free space"),
+    "recall": ("walls:Recall", "share of walls that the other map has too"),
+    "rays": ("traces:Rays", "share of both robots' beams that contradict the other map's walls and free space"),
+    "paths": ("traces:Paths", "cells of the other map's walls that a robot drove through"),
+    "posterior": ("posterior:Posterior", "probability that a match is right, from all evidence there is"),
+    "news": ("news:News", "what the receiver has seen since the merge where it knew nothing before"),
+}
 
 
 @hookimpl
@@ -37,6 +47,7 @@ def register_matchers(register: Register) -> None:
             "mapgraft_grid.correlation:Correlation",
             "exhaustive search over rotations and shifts, walls and free space as evidence; any two resolutions",
             accepts=_GRID,
+            uses_prior=True,
         )
     )
 
@@ -71,6 +82,10 @@ def register_metrics(register: Register) -> None:
             accepts=_GRID,
         )
     )
+
+    for name, what in _EVIDENCE.items():
+        module, about = what
+        register(Descriptor(name, f"mapgraft_grid.evidence.{module}", about, accepts=_GRID))
 
 
 @hookimpl
