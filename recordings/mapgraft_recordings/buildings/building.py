@@ -111,7 +111,7 @@ def _things(
         size = (cell.width_m - 2 * inset, cell.depth_m - 2 * inset)
         size = size if front % 2 == 0 else (size[1], size[0])
         mirror = traits.mirrored and rng.random() < 0.5
-        inside = furnish(traits.kind, cell.role, size, traits.clutter, np.random.default_rng(copies[i]))
+        inside = furnish(traits, cell.role, size, np.random.default_rng(copies[i]))
         for kept, things in zip((fixed, loose), inside, strict=True):
             placed = [_placed(thing, cell, front, size, mirror) for thing in things]
             kept += [thing for thing in placed if _clear(thing, ways, cell)]

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from mapgraft_recordings.buildings.shapes import Outline, box, disc
+from mapgraft_recordings.buildings.traits import Traits
 
 Things = tuple[list[Outline], list[Outline]]  # what stays, and what people move
 
@@ -28,6 +29,20 @@ class Room:
         if side in (0, 2):
             return box(gap if side == 0 else self.width_m - gap, along, width_m, length_m)
         return box(along, self.depth_m - gap if side == 1 else gap, length_m, width_m)
+
+    def cut_corner(self) -> None:
+        """A far corner of the room walled off: by an oblique wall or a round one."""
+        most = min(2.5, self.width_m / 2, self.depth_m / 2)
+        along, into = self.rng.uniform(min(0.4, most), most, 2).tolist()
+        if self.rng.random() < 0.5:
+            into = along
+        bulge = float(self.rng.choice([0.0, self.rng.uniform(-0.4, 0.6)]))
+        share = np.linspace(0.0, 1.0, 2 if bulge == 0.0 else 7)
+        depth = 1.0 + bulge * 4.0 * share * (1.0 - share)
+        wall = np.stack((along * (1.0 - share) * depth, into * share * depth), axis=1)
+        corner = np.vstack((wall, np.zeros((1, 2))))
+        outline = np.array((0.0, self.depth_m)) + corner * (1.0, -1.0)
+        self.fixed.append(outline if self.rng.random() < 0.5 else np.array((self.width_m, 0.0)) + outline * (-1.0, 1.0))
 
     def somewhere(self, margin_m: float = 0.5) -> tuple[float, float]:
         low = min(margin_m, self.width_m / 3, self.depth_m / 3)
@@ -219,13 +234,15 @@ _FURNISH: dict[str, Callable[[Room], None]] = {
 }
 
 
-def furnish(kind: str, role: str, size_m: tuple[float, float], clutter: float, rng: np.random.Generator) -> Things:
-    """The things in one room of a building of ``kind``, in the room's own frame: what stays, and what people move."""
-    room = Room(*size_m, clutter, rng)
+def furnish(traits: Traits, role: str, size_m: tuple[float, float], rng: np.random.Generator) -> Things:
+    """The things in one room of a building, in the room's own frame: what stays, and what people move."""
+    room = Room(*size_m, traits.clutter, rng)
+    if rng.random() < traits.cut_corners:
+        room.cut_corner()
     if role in ("hall", "corridor", "wet"):
         use = role
     else:
-        uses = _USES[kind]
+        uses = _USES[traits.kind]
         use = str(rng.choice(list(uses), p=list(uses.values())))
     _FURNISH[use](room)
     return room.fixed, room.loose

@@ -17,6 +17,7 @@ _STEP_M = 0.1
 _TURN_STEP_RAD = math.radians(3.0)
 _SIGHT_M = 35.0
 _CANDIDATES = 12
+_SHORTEST_M = 2.5
 _NEAR_M = 4.0  # places nearer to where the robot stopped before are not new
 _TIGHT_M = 0.16  # a smoothed way must stay that far from everything
 
@@ -39,7 +40,7 @@ def draw_habits(rng: np.random.Generator) -> Habits:
     return Habits(
         robot_m=float(rng.uniform(0.22, 0.32)),
         hop_m=float(rng.uniform(5.0, 20.0)),
-        looks=float(rng.uniform(0.1, 0.7)),
+        looks=float(rng.uniform(0.05, 0.5)),
         returns=float(rng.uniform(0.01, 0.3)),
         sway_m=float(rng.uniform(0.0, 0.12)),
         smoothing_m=float(rng.uniform(0.15, 0.6)),
@@ -108,7 +109,7 @@ class Wanderer:
             low, high = room.min(axis=0), room.max(axis=0)
             x, y = self._rng.uniform(low, high).tolist()
             cell = floor.cell(x, y)
-            if not math.isfinite(cost[cell]) or cost[cell] < 1.5:
+            if not math.isfinite(cost[cell]) or cost[cell] < _SHORTEST_M:
                 continue
             familiar = sum(math.hypot(x - a, y - b) < _NEAR_M for a, b in self._been)
             places.append(cell)

@@ -15,10 +15,11 @@ class Traits:
 
     ``copied`` is the share of rooms that are exact copies of the building's model room of their size; the others are
     furnished anew. ``relief`` is the number of niches, pilasters and radiators per metre of wall face, ``relief_m``
-    how deep they are, ``crooked_m`` how far the corners of a wall face lie off its line, ``uneven`` how
-    far whole walls lie off theirs as a share of their thickness; ``columns`` is the share of walls with a column.
-    ``sidelights`` is the share of
-    doors with a narrow pane beside them, through which a little of the room is seen.
+    how deep they are, ``crooked_m`` how far the corners of a wall face lie off its line, ``uneven`` how far whole
+    walls lie off theirs as a share of their thickness. ``columns`` is the share of walls with a column,
+    ``cut_corners`` of rooms with an oblique or round corner, ``sidelights`` of doors with a narrow pane beside them,
+    through which a little of the room is seen. ``glass_reflects`` is the share of beams that a pane sends back,
+    ``people`` the share of scans into which somebody walks, ``changes`` that of things and doors found changed later.
     """
 
     kind: str
@@ -42,6 +43,7 @@ class Traits:
     crooked_m: float
     uneven: float
     columns: float
+    cut_corners: float
     glass_outside: float
     glass_inside: float
     sidelights: float
@@ -82,7 +84,7 @@ def draw_traits(kind: str, rng: np.random.Generator) -> Traits:
     width_from, width_to, depth_from, depth_to = _ROOM_M[kind]
     wall = rng.uniform(*_WALL_M[kind])
     closed = rng.uniform(0.0, _CLOSED[kind])
-    glassy = rng.random() < 0.3
+    glassy = rng.random() < (0.1 if kind == "castle" else 0.3)
     return Traits(
         kind=kind,
         wall_m=wall,
@@ -105,6 +107,7 @@ def draw_traits(kind: str, rng: np.random.Generator) -> Traits:
         crooked_m=float(rng.choice([0.0, rng.uniform(0.0, 0.025)])),
         uneven=float(rng.choice([0.0, rng.uniform(0.0, 0.3), rng.uniform(0.0, 0.3)])),
         columns=float(rng.choice([0.0, rng.uniform(0.1, 1.0)])),
+        cut_corners=float(rng.choice([0.0, rng.uniform(0.02, 0.5)])),
         glass_outside=rng.uniform(0.1, 0.7) if glassy else 0.0,
         glass_inside=float(rng.choice([0.0, rng.uniform(0.05, 0.4)], p=[0.7, 0.3])),
         sidelights=float(rng.choice([0.0, rng.uniform(0.1, 0.9)])),
