@@ -152,8 +152,9 @@ def _print_hypothesis(console: Console, pairing: Pairing, hypothesis: Hypothesis
     if match.evidence:
         said = ", ".join(f"{name} {value:.4g}" for name, value in match.evidence.items())
         console.print(cell(f"  evidence   {said}"), soft_wrap=True)
-    for measurement in hypothesis.measurements or ():
-        console.print(cell(f"  metric     {_measured(measurement)}"), soft_wrap=True)
+    if hypothesis.measurements:
+        said = ", ".join(map(_measured, hypothesis.measurements))
+        console.print(cell(f"  metrics    {said}"), soft_wrap=True)
 
 
 def _print_all(console: Console, pairing: Pairing) -> None:
@@ -198,7 +199,5 @@ def _margin(margin: float) -> str:
 
 
 def _measured(measurement: Measurement) -> str:
-    value = f"{measurement.value:.4g}" if measurement.sufficient else "too little to measure"
-    unit = f" {measurement.unit}" if measurement.unit not in ("", "1") and measurement.sufficient else ""
-    details = ", ".join(f"{name} {number:.4g}" for name, number in measurement.details.items())
-    return f"{measurement.name} {value}{unit} (support {measurement.support:,}{'; ' + details if details else ''})"
+    unit = f" {measurement.unit}" if measurement.unit not in ("", "1") else ""
+    return f"{measurement.name} {measurement.value:.4g}{unit}" if measurement.sufficient else f"{measurement.name} –"
