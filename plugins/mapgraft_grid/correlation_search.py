@@ -18,9 +18,9 @@ from mapgraft_grid.prepared import Prepared, thinned
 
 FINEST: Final = 2  # canonical cells across the last level's: on finer ones maps that are a little bent do not fit
 COARSE_M: Final = 0.3  # finest cells on which everything is searched
-CELLS_ACROSS: Final = 140  # such cells across what the search covers: larger maps are searched on larger cells
-STEP_CELLS: Final = 2.0  # coarse cells by which one step of rotation moves the source's farthest wall
-RING: Final = 0.5  # what a wall beside a wall tells on coarse cells, as a share of one upon it
+CELLS_ACROSS: Final = 180  # such cells across what the search covers: larger maps are searched on larger cells
+STEP_CELLS: Final = 3.0  # coarse cells by which one step of rotation moves the source's farthest wall
+RING: Final = 0.3  # what a wall beside a wall tells on coarse cells, as a share of one upon it
 CLEAR_CELLS: Final = 0.75  # free cells this near a wall tell nothing on coarse cells: they may fall on it
 PER_YAW: Final = 10  # local maxima that are kept of each rotation
 KEPT: Final = 300  # of all rotations
@@ -29,7 +29,7 @@ MOST_FOUND: Final = 24
 ONE_M: Final = 0.4  # poses this near each other end in one when they are refined
 ONE_RAD: Final = math.radians(3.0)
 COARSE_POINTS: Final = (4_000, 3_000)  # walls and free cells of the source that are looked at, at most
-FINE_POINTS: Final = (500, 500)
+FINE_POINTS: Final = (500, 800)
 DIRECT: Final = 4_000  # poses within a prior that are tried one by one
 BATCH: Final = 8  # rotations transformed at once: what fits a cache
 
