@@ -22,7 +22,7 @@ from mapgraft.contracts import (
 from mapgraft.errors import MapError
 from mapgraft.procedures import Tools, Workshop, blaming
 from mapgraft.refusals import Refusals
-from mapgraft.registration import Lie, Move, find_move
+from mapgraft.registration import Move, Site, find_move
 from mapgraft.reversal import Reversal
 
 
@@ -128,7 +128,7 @@ class Attempts:
         with blaming(tools):
             return self._graft(tools, meeting, match)
 
-    def find_move(self, tools: Tools, meeting: Meeting, standing: Match, lie: Lie) -> Move | None:
+    def find_move(self, tools: Tools, meeting: Meeting, standing: Match, site: Site) -> Move | None:
         """A better transform for a standing merge, by the rule's matcher; None where it stands well.
 
         A place from which the donor was taken out before is none, nor is one for a matcher that refuses the maps.
@@ -136,14 +136,14 @@ class Attempts:
         """
         try:
             with blaming(tools):
-                move = find_move(tools.matcher, meeting.target, meeting.source, standing, lie)
+                move = find_move(tools.matcher, meeting.target, meeting.source, standing, site)
         except MapError:
             return None
         if move is None:
             return None
         donor = meeting.donation.provenance.source
-        here = self.refusals.at(donor, standing.T_receiver_donor, lie.about_m)
-        there = self.refusals.at(donor, move.match.T_receiver_donor, lie.about_m)
+        here = self.refusals.at(donor, standing.T_receiver_donor, site.about_m)
+        there = self.refusals.at(donor, move.match.T_receiver_donor, site.about_m)
         return None if any(refusal not in here for refusal in there) else move
 
     def changed(self) -> None:

@@ -91,9 +91,14 @@ class Retry(Section):
 
 
 class Refine(Section):
-    """How often the transform of a standing merge is registered anew, in observations of the receiver; None: never."""
+    """When the transform of a standing merge is registered anew.
 
-    every: int | None = Field(default=50, ge=1)
+    That is ``every`` so many observations of the receiver and when a newer version of the donor's map has come in, if
+    one of the two maps has grown by the share ``growth`` since the last time; never where ``every`` is None.
+    """
+
+    every: int | None = Field(default=10, ge=1)
+    growth: float = Field(default=0.1, ge=0.0, allow_inf_nan=False)
 
 
 class Rule(Section):

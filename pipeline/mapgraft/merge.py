@@ -19,7 +19,7 @@ from mapgraft.contracts import (
     Verdict,
 )
 from mapgraft.procedures import Tools, blaming
-from mapgraft.registration import Lie
+from mapgraft.registration import Site
 from mapgraft.trail import Trail
 
 State = Literal["provisional", "confirmed", "reverted"]
@@ -91,7 +91,7 @@ class _Round:
 class Merge:
     """A standing merge with its metrics. ``merge_id`` is ``<receiver>.<donor>.<n>``.
 
-    ``match`` is the hypothesis by which it stands now, ``lie`` where the donor's map is, ``meeting`` the two maps as
+    ``match`` is the hypothesis by which it stands now, ``site`` where the donor's map is, ``meeting`` the two maps as
     far as they are needed to register the merge anew. ``history`` holds the samples that have all the verifier looks
     at: the first one, and the latest.
     """
@@ -103,7 +103,7 @@ class Merge:
     comparison: Compared
     reversal: str
     trail: Trail
-    lie: Lie
+    site: Site
     meeting: Meeting | None = None
     state: State = "provisional"
     history: list[Sample] = field(default_factory=list)
@@ -111,7 +111,7 @@ class Merge:
     due_at: int = 0  # observation of the receiver at which there is something to do next
     _began: int = 0
     _registered: int = 0
-    _stirred: bool = False
+    _known: tuple[int, int] = (0, 0)
     _told: int = 0
     _said: str = ""
     _judged: _Round = field(init=False)
@@ -143,6 +143,8 @@ class Merge:
         """Begin to track every metric of the procedure; the first sample is of the moment of the merge."""
         verify, now = self.tools.procedure.verify, self.trail.now
         self._began = self._registered = self._told = now
+        if self.meeting is not None:
+            self._known = (self.meeting.target.known(), self.meeting.source.known())
         with blaming(self.tools):
             for name in dict.fromkeys((*verify.metric_names, *verify.log.metrics)):
                 tracker = self.tools.metrics[name].track(self.comparison)
@@ -158,7 +160,6 @@ class Merge:
         The history goes on: what the donor has newly mapped tests the transform as much as what the receiver has.
         """
         self.match, self.provenance = grafted.match, grafted.contribution.provenance
-        self.registered()
         self.meeting = None if self.meeting is None else grafted.meeting
         made = grafted.comparison
         self.comparison.put_donor(made.donor_layer, made.T_receiver_donor, made.match)
@@ -184,7 +185,6 @@ class Merge:
                 judged = self._judged.look(trail, everything, measured)
             if everything or now % self._logged.every == 0:
                 logged = self._logged.look(trail, everything, measured)
-        self._stirred |= judged or logged
         self._plan()
         if not (judged or logged or everything):
             return None
@@ -209,21 +209,23 @@ class Merge:
             self.due_at = min(self.due_at, max(self._registered + every, now + 1))
 
     def is_to_register(self) -> bool:
-        """Whether the merge is to be registered anew now; if so that is taken as done.
-
-        It is when the time has come, unless no metric has found anything new since the last time.
-        """
+        """Whether it is time to ask whether the maps have grown enough to register the merge anew."""
         every = self.tools.rule.refine.every
-        if self.meeting is None or every is None or self.trail.now - self._registered < every:
-            return False
-        wanted = self._stirred
-        self.registered()
-        return wanted
+        return self.meeting is not None and every is not None and self.trail.now >= self._registered + every
 
-    def registered(self) -> None:
-        """The transform was looked at just now."""
-        self._registered, self._stirred = self.trail.now, False
+    def has_grown(self, meeting: Meeting) -> bool:
+        """Whether one of the maps that meet knows so much more now that the merge is to be registered anew.
+
+        If so that is taken as done, if not it is asked again when it is time the next time.
+        """
+        known = (meeting.target.known(), meeting.source.known())
+        least = 1.0 + self.tools.rule.refine.growth
+        self._registered = self.trail.now
         self._plan()
+        if not any(now >= least * before for now, before in zip(known, self._known, strict=True)):
+            return False
+        self._known = known
+        return True
 
     @property
     def has_news(self) -> bool:

@@ -41,14 +41,14 @@ class Move:
 
 
 @dataclass(frozen=True, slots=True)
-class Lie:
+class Site:
     """Where the donor's map is: ``about_m`` (x, y) in its own frame; and the side of the receiver's cells, if any."""
 
     about_m: Sequence[float]
     cell_m: float | None = None
 
     @classmethod
-    def of(cls, own: MapMetadata, other: MapMetadata) -> Lie:
+    def of(cls, own: MapMetadata, other: MapMetadata) -> Site:
         """From what receiver and donor tell; the donor's map is where the middle of what it knows is."""
         x0, y0, x1, y1 = other.bounds_m or (0.0, 0.0, 0.0, 0.0)
         return cls(((x0 + x1) / 2.0, (y0 + y1) / 2.0), own.resolution_m)
@@ -57,24 +57,33 @@ class Lie:
     def least_m(self) -> float:
         return self.cell_m / 2.0 if self.cell_m else LEAST_M
 
+    def is_worth_it(self, T_a: Transform, T_b: Transform) -> bool:
+        """Whether two transforms lie far enough from each other that one should take the place of the other."""
+        shift_m, turn_rad = displacement(T_a, T_b, self.about_m)
+        return shift_m > self.least_m or turn_rad > LEAST_RAD
 
-def find_move(matcher: Matcher, target: Map, source: Map, standing: Match, lie: Lie) -> Move | None:
-    """A hypothesis within the place of the standing match that scores at least as much now and is worth a swap.
 
-    ``target`` and ``source`` are the own maps of receiver and donor, as they are now. The margin of the standing match
-    stays: a search around it knows no rivals. Raises what the matcher raises.
+def find_move(matcher: Matcher, target: Map, source: Map, standing: Match, site: Site) -> Move | None:
+    """A hypothesis within the place of the standing match that scores more now and is worth a swap.
+
+    ``target`` and ``source`` are the own maps of receiver and donor, as they are now. What the standing transform
+    scores now is asked with a prior that leaves nothing else; a matcher that comes back with another transform all the
+    same does not think that the maps lie there. The margin of the standing match stays: a search around it knows no
+    rivals. Raises what the matcher raises.
     """
-    found = matcher.match(target, source, prior_around(standing, lie.about_m))
-    best = next((match for match in found if is_within(standing, match.T_receiver_donor, lie.about_m)), None)
+    found = matcher.match(target, source, prior_around(standing, site.about_m))
+    best = next((match for match in found if is_within(standing, match.T_receiver_donor, site.about_m)), None)
     if best is None:
         return None
-    shift_m, turn_rad = displacement(standing.T_receiver_donor, best.T_receiver_donor, lie.about_m)
-    if shift_m <= lie.least_m and turn_rad <= LEAST_RAD:
+    if not site.is_worth_it(standing.T_receiver_donor, best.T_receiver_donor):
         return None
-    exact = Prior(standing.T_receiver_donor, _about(standing, lie.about_m, EXACT_M, EXACT_RAD), ORIGIN)
+    exact = Prior(standing.T_receiver_donor, _about(standing, site.about_m, EXACT_M, EXACT_RAD), ORIGIN)
     held = next(iter(matcher.match(target, source, exact)), None)
     if held is None or best.score < held.score:
         return None
+    if best.score == held.score and not site.is_worth_it(standing.T_receiver_donor, held.T_receiver_donor):
+        return None
+    shift_m, turn_rad = displacement(standing.T_receiver_donor, best.T_receiver_donor, site.about_m)
     evidence = {**standing.evidence, **best.evidence}
     return Move(dataclasses.replace(best, margin=standing.margin, evidence=evidence), shift_m, turn_rad, held.score)
 

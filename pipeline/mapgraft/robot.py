@@ -16,7 +16,7 @@ from mapgraft.merge import Merge
 from mapgraft.persons import Hand
 from mapgraft.procedures import Tools, Workshop
 from mapgraft.refusals import Refusal
-from mapgraft.registration import Lie
+from mapgraft.registration import Move, Site
 from mapgraft.reversal import Reversal
 from mapgraft.trail import Trail
 
@@ -27,7 +27,7 @@ EPOCH = 1  # a robot's map frame lives from its first to its last observation
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Encounter:
-    """What receiver and donor tell of their maps before one attempt, and what is known of how they lie."""
+    """What receiver and donor tell of their maps before one attempt, and what is known of how they site."""
 
     own: MapMetadata
     other: MapMetadata
@@ -35,8 +35,8 @@ class Encounter:
     stamp_ns: int
 
     @property
-    def lie(self) -> Lie:
-        return Lie.of(self.own, self.other)
+    def site(self) -> Site:
+        return Site.of(self.own, self.other)
 
 
 @dataclass(slots=True)
@@ -69,8 +69,8 @@ class Robot:
         due = [merge for merge in self.merges.values() if now >= merge.due_at]
         for merge in due:
             self.verify(merge, observation.stamp_ns)
-            if merge.state != "reverted" and merge.meeting and merge.is_to_register():
-                self._register(merge, merge.meeting, observation.stamp_ns)
+            if merge.state != "reverted" and merge.is_to_register():
+                self._register(merge, observation.stamp_ns)
         if not self.merges or len(self.trail) >= LONG:
             self.trail.forget(min((merge.seen for merge in self.merges.values()), default=now))
 
@@ -135,7 +135,7 @@ class Robot:
         """A prior is left out where the donor was taken out from there before."""
         own = self.own_metadata()
         prior = self.hand.priors.get((self.name, donor))
-        about_m = Lie.of(own, other).about_m
+        about_m = Site.of(own, other).about_m
         if prior is not None and self.attempts.refusals.at(donor, prior.T_receiver_donor, about_m):
             prior = None
         return Encounter(own, other, prior, stamp_ns)
@@ -143,9 +143,9 @@ class Robot:
     def _attempt(self, tools: Tools, data: bytes, met: Encounter) -> None:
         donation = self._receive(data)
         donor = donation.provenance.source
-        attempt = self.attempts.make(tools, donation, met.prior, met.lie.about_m)
+        attempt = self.attempts.make(tools, donation, met.prior, met.site.about_m)
         merge_id = self.candidates.next_id(self.name, donor)
-        if before := self.candidates.same_as_before(donor, attempt.match, met.lie.about_m):
+        if before := self.candidates.same_as_before(donor, attempt.match, met.site.about_m):
             attempt = replace(attempt, reason=f"{attempt.reason} (the same place as {before})")
         if attempt.grafted is None:
             last = LastAttempt(merge_id, tools.rule.name, attempt.match, met.own, met.other)
@@ -171,7 +171,7 @@ class Robot:
         self._fused_changed()
         made = (merge_id, tools, grafted.match, provenance, grafted.comparison, self.reversal.name)
         meeting = grafted.meeting if tools.refines and self.reversal.name != "single_map" else None
-        merge = Merge(*made, self.trail, met.lie, meeting)
+        merge = Merge(*made, self.trail, met.site, meeting)
         self.merges[merge.donor] = merge
         self.journal.attempted(stamp_ns, attempt, tools, merge_id, provenance, size)
         self._snapshot("after merge", stamp_ns, merge_id)
@@ -181,7 +181,7 @@ class Robot:
 
     def _obey(self, merge: Merge, stamp_ns: int) -> None:
         """Apply a person's verdict on this merge, if there is one."""
-        verdict = self.hand.verdict_on(merge.merge_id, merge.comparison.T_receiver_donor, merge.lie.about_m)
+        verdict = self.hand.verdict_on(merge.merge_id, merge.comparison.T_receiver_donor, merge.site.about_m)
         if verdict is None:
             return
         said = f"a person said {verdict.action}" + (f": {verdict.reason}" if verdict.reason else "")
@@ -197,10 +197,10 @@ class Robot:
         if offer.provenance == merge.provenance or self.reversal.name == "single_map":  # which cannot tell the share
             return
         data = fetch()
-        merge.lie = replace(merge.lie, about_m=Lie.of(offer.metadata, offer.metadata).about_m)
+        merge.site = replace(merge.site, about_m=Site.of(offer.metadata, offer.metadata).about_m)
         try:
             meeting = self.attempts.meet(merge.tools, self._receive(data))
-            move = self.attempts.find_move(merge.tools, meeting, merge.match, merge.lie) if merge.meeting else None
+            move = self._find_move(merge, meeting)
             grafted = self.attempts.graft(merge.tools, meeting, move.match if move else merge.match)
         except MapError as error:
             reason = f"the donor's newer map is left aside: {error}"
@@ -209,12 +209,22 @@ class Robot:
         moved = f"; {move.reason}" if move else ""
         self._swap(merge, grafted, f"the donor has gone on mapping{moved}", "exchange", stamp_ns, len(data))
 
-    def _register(self, merge: Merge, meeting: Meeting, stamp_ns: int) -> None:
+    def _register(self, merge: Merge, stamp_ns: int) -> None:
         """Find out whether both maps, as they are now, tell a better transform, and put it in the place of the old."""
-        move = self.attempts.find_move(merge.tools, meeting, merge.match, merge.lie)
-        if move is not None:
-            grafted = self.attempts.graft(merge.tools, meeting, move.match)
-            self._swap(merge, grafted, move.reason, merge.tools.procedure.match.use, stamp_ns)
+        if merge.meeting is None or (move := self._find_move(merge, merge.meeting)) is None:
+            return
+        try:
+            grafted = self.attempts.graft(merge.tools, merge.meeting, move.match)
+        except MapError as error:
+            reason = f"{move.reason}, left aside: {error}"
+            self.journal.changed("verified", stamp_ns, merge, reason, merge.tools.procedure.match.use)
+            return
+        self._swap(merge, grafted, move.reason, merge.tools.procedure.match.use, stamp_ns)
+
+    def _find_move(self, merge: Merge, meeting: Meeting) -> Move | None:
+        if merge.meeting is None or not merge.has_grown(meeting):
+            return None
+        return self.attempts.find_move(merge.tools, meeting, merge.match, merge.site)
 
     def _swap(self, merge: Merge, grafted: Grafted, reason: str, by: str, stamp_ns: int, size: int = 0) -> None:
         """Replace the contribution by one of another layer, by another transform, or both.

@@ -16,6 +16,7 @@ from mapgraft.console import print_json
 from mapgraft.contracts import Transform
 from mapgraft.decision import build_table
 from mapgraft.errors import UsageError
+from mapgraft.events import STANDING
 from mapgraft.job import identify
 from mapgraft.outputs.labels import label
 from mapgraft.plugins import load_plugins
@@ -28,9 +29,9 @@ def pass_verdict(
     """Add a verdict to what the run remembers, and run again; raises UsageError when there is no such merge."""
     remembered = recall(out)
     receiver, donor = _check_merge(out, merge_id)
-    T = _judged(out, merge_id)
-    verdict = VerdictConfig(merge=merge_id, action=action, by=by, reason=reason, T_receiver_donor=T)
-    others = [known for known in remembered.config.verdicts if known.T_receiver_donor != T]
+    made, seen = _transforms(out, merge_id)
+    verdict = VerdictConfig(merge=merge_id, action=action, by=by, reason=reason, T_receiver_donor=made)
+    others = [known for known in remembered.config.verdicts if known.T_receiver_donor != made]
     config = remembered.config.model_copy(update={"verdicts": [*others, verdict]})
     run_id = _again(out, remembered, config, as_json=as_json)
     label(
@@ -42,7 +43,7 @@ def pass_verdict(
         verdict="wrong" if action == "revert" else "right",
         by=by,
         reason=reason,
-        T_receiver_donor=Transform.from_matrix(np.reshape(T, (4, 4))),
+        T_receiver_donor=Transform.from_matrix(np.reshape(seen, (4, 4))),
     )
 
 
@@ -63,14 +64,20 @@ def _check_merge(out: Path, merge_id: str) -> tuple[str, str]:
     return str(merges[merge_id]["receiver"]), str(merges[merge_id]["donor"])
 
 
-def _judged(out: Path, merge_id: str) -> list[float]:
-    """The transform that the person sees when they judge the merge, (16,) row-major."""
+def _transforms(out: Path, merge_id: str) -> tuple[list[float], list[float]]:
+    """The transform at which a merge was made, and the one at which it was last, (16,) row-major each.
+
+    A verdict goes with the first, because that is what comes up again when the run is made again; what the person
+    sees and labels is the last: as the maps grow a merge is registered anew.
+    """
     import pyarrow.compute as pc
     import pyarrow.dataset as ds
 
-    wanted = (pc.field("merge_id") == merge_id) & (pc.field("kind") == "merged")
-    found = ds.dataset(out / "events", partitioning="hive").to_table(columns=["T_receiver_donor"], filter=wanted)
-    return [float(number) for number in found["T_receiver_donor"][-1].as_py()]
+    wanted = (pc.field("merge_id") == merge_id) & pc.field("kind").isin(STANDING)
+    table = ds.dataset(out / "events", partitioning="hive").to_table(["seq", "T_receiver_donor"], filter=wanted)
+    rows = sorted(zip(table["seq"].to_pylist(), table["T_receiver_donor"].to_pylist(), strict=True))
+    first, last = rows[0][1], rows[-1][1]
+    return [float(number) for number in first], [float(number) for number in last]
 
 
 def _again(out: Path, remembered: Remembered, config: Config, *, as_json: bool) -> str:
