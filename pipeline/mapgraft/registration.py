@@ -17,8 +17,8 @@ from mapgraft.persons import SAME_PLACE_M, SAME_TURN_RAD, planar_covariance, sam
 ORIGIN: Final = "the standing merge"
 INFLATION: Final = 4.0  # of the standing covariance: it was told by maps that shared less than they do now
 EXACT_M, EXACT_RAD = 1e-3, 1e-4  # standard deviations of the prior that asks what the standing transform scores now
-LEAST_RAD: Final = math.radians(0.1)  # a lesser turn, and a lesser shift than half a cell, are not worth a swap
 LEAST_M: Final = 0.025  # half a cell where the map type has none
+LEAST_RAD: Final = math.radians(0.1)  # the least turn worth a swap where the donor does not tell how large its map is
 WITHIN_SIGMA: Final = 3.0
 
 
@@ -42,25 +42,30 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """Where the donor's map is: ``about_m`` (x, y) in its own frame; and the side of the receiver's cells, if any."""
+    """Where the donor's map is: its middle ``about_m`` (x, y) in its own frame, and how far it reaches.
+
+    ``cell_m`` is the side of the receiver's cells, None where it has none.
+    """
 
     about_m: Sequence[float]
     cell_m: float | None = None
+    reach_m: float = 0.0
 
     @classmethod
     def of(cls, own: MapMetadata, other: MapMetadata) -> Site:
-        """From what receiver and donor tell; the donor's map is where the middle of what it knows is."""
+        """From what receiver and donor tell."""
         x0, y0, x1, y1 = other.bounds_m or (0.0, 0.0, 0.0, 0.0)
-        return cls(((x0 + x1) / 2.0, (y0 + y1) / 2.0), own.resolution_m)
+        return cls(((x0 + x1) / 2.0, (y0 + y1) / 2.0), own.resolution_m, math.hypot(x1 - x0, y1 - y0) / 2.0)
 
     @property
     def least_m(self) -> float:
+        """Half a cell."""
         return self.cell_m / 2.0 if self.cell_m else LEAST_M
 
     def is_worth_it(self, T_a: Transform, T_b: Transform) -> bool:
-        """Whether two transforms lie far enough from each other that one should take the place of the other."""
+        """Whether two transforms put some part of the donor's map more than half a cell apart."""
         shift_m, turn_rad = displacement(T_a, T_b, self.about_m)
-        return shift_m > self.least_m or turn_rad > LEAST_RAD
+        return shift_m + self.reach_m * turn_rad > self.least_m or (self.reach_m == 0.0 and turn_rad > LEAST_RAD)
 
 
 def find_move(matcher: Matcher, target: Map, source: Map, standing: Match, site: Site) -> Move | None:

@@ -197,7 +197,7 @@ class Robot:
         if offer.provenance == merge.provenance or self.reversal.name == "single_map":  # which cannot tell the share
             return
         data = fetch()
-        merge.site = replace(merge.site, about_m=Site.of(offer.metadata, offer.metadata).about_m)
+        merge.site = replace(Site.of(offer.metadata, offer.metadata), cell_m=merge.site.cell_m)
         try:
             meeting = self.attempts.meet(merge.tools, self._receive(data))
             move = self._find_move(merge, meeting)

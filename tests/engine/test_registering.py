@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -197,8 +198,11 @@ def test_the_prior_is_as_wide_where_the_donor_is_however_far_that_is_from_its_or
 
 def test_where_the_donor_is():
     own, other = MapMetadata("beacons", resolution_m=0.2), MapMetadata("beacons", bounds_m=(0.0, -2.0, 10.0, 4.0))
-    assert Site.of(own, other) == Site((5.0, 1.0), 0.2)
+    assert Site.of(own, other) == Site((5.0, 1.0), 0.2, math.hypot(5.0, 3.0))
     assert Site.of(own, other).least_m == 0.1
     assert Site.of(dataclasses.replace(own, resolution_m=None), MapMetadata("beacons")).least_m == 0.025
     turned = Transform.planar(0.0, 0.0, 0.01)
+    for about, reach, worth in (((0.0, 0.0), 2.0, False), ((0.0, 0.0), 3.0, True), ((9.0, 0.0), 0.5, True)):
+        assert Site(about, 0.05, reach).is_worth_it(Transform.identity(), turned) is worth
+    assert Site((0.0, 0.0)).is_worth_it(Transform.identity(), turned)  # how far it reaches is not told
     assert displacement(Transform.identity(), turned, (100.0, 0.0))[0] == pytest.approx(1.0, abs=1e-3)
