@@ -191,12 +191,14 @@ def match(
 
     asked = Asked(resolution, other_resolution, unknown_gray, config, rules, matcher, tuple(no_plugin or ()))
     if not (pairs or unrelated):
+        if across:
+            raise typer.BadParameter("--across needs a list of pairs: name one with --pairs or --unrelated")
         match_and_show(maps or [], asked, out, as_json=json, all_hypotheses=hypotheses)
         return
     from mapgraft.commands.match_list import Lists, judge_and_show
 
-    if maps:
-        raise typer.BadParameter("name two maps, or lists with --pairs and --unrelated, not both")
+    if maps or hypotheses:
+        raise typer.BadParameter("--pairs and --unrelated go without A and B, and without --hypotheses (see --json)")
     lists = Lists(tuple(pairs or ()), tuple(unrelated or ()), across, keypoint_px)
     judge_and_show(lists, asked, out, as_json=json)
 

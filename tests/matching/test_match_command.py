@@ -159,9 +159,10 @@ def test_wrong_usage_and_unusable_files(said: Said, pair, save, tmp_path: Path) 
         (2, (a, b, "--resolution", 0), "above 0"),
         (2, (a, b, "--resolution", 0.05, "--unknown-gray", 300), "0 … 255"),
         (2, (a, b, "--resolution", 0.05, "--matcher", "carpine"), "did you mean 'carpin'"),
-        (2, (a, b, "--resolution", 0.05, "--pairs", tmp_path / "x.json"), "not both"),
+        (2, (a, b, "--resolution", 0.05, "--pairs", tmp_path / "x.json"), "without A and B"),
         (2, ("--pairs", tmp_path / "x.json"), "cannot be read"),
-        (2, ("--across",), "--pairs"),
+        (2, (a, b, "--across"), "--across needs a list"),
+        (2, ("--unrelated", tmp_path / "x.json", "--hypotheses"), "without --hypotheses"),
         (1, (a, tmp_path / "none.png", "--resolution", 0.05), "there is no map file"),
         (1, (a, wrong, "--resolution", 0.05), "in colour"),
     ):

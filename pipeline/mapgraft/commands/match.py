@@ -50,8 +50,7 @@ def match_and_show(
     shelf = Shelf(plugins, config, pairer.workshop)
     a, b = (shelf.read(path, given) for path, given in zip(maps, options_of(shelf, maps, asked), strict=True))
     for map_ in dict.fromkeys((a, b)):
-        for remark in map_.remarks:
-            remarks().print(cell(f"{remark} (--unknown-gray)" if UNKNOWN_GRAY in remark else remark), style="yellow")
+        print_remarks(map_)
     pairing = pairer.pair(a, b)
     files = write_folder(out, pairing, pairer.workshop) if out is not None else None
     if as_json:
@@ -61,6 +60,12 @@ def match_and_show(
     print_pairing(results(), pairing, all_hypotheses=all_hypotheses)
     if out is not None and files:
         results().print(cell(f"Written to {out}: {', '.join(files)}"))
+
+
+def print_remarks(map_: ReadyMap) -> None:
+    """What is probably not meant as a map file says, on stderr."""
+    for remark in map_.remarks:
+        remarks().print(cell(f"{remark} (--unknown-gray)" if UNKNOWN_GRAY in remark else remark), style="yellow")
 
 
 def pairer_of(plugins: Plugins, config: Config, asked: Asked) -> Pairer:
@@ -146,7 +151,9 @@ def _print_hypothesis(console: Console, pairing: Pairing, hypothesis: Hypothesis
     console.print(cell(f"  transform  T_a_b: {_pose(hypothesis)}{_sigmas(hypothesis)}"), soft_wrap=True)
     if pixels is not None:
         rows = ("x_a", pixels[0]), ("y_a", pixels[1])
-        said = ", ".join(f"{name} = {r[0]:.6f} x_b {_signed(r[1])} y_b {_signed(r[2], 3)}" for name, r in rows)
+        said = ", ".join(
+            f"{name} = {_plain(r[0], 6)} x_b {_signed(r[1], 6)} y_b {_signed(r[2], 3)}" for name, r in rows
+        )
         console.print(cell(f"  pixels     {said}  (x right, y down, centres at whole numbers)"), soft_wrap=True)
     console.print(cell(f"  score      {match.score:.4g}, margin {_margin(match.margin)}"), soft_wrap=True)
     if match.evidence:
@@ -179,7 +186,7 @@ def _print_rule(console: Console, pairing: Pairing) -> None:
 def _pose(hypothesis: Hypothesis) -> str:
     T = hypothesis.match.T_receiver_donor
     scale = "" if hypothesis.match.scale == 1.0 else f", scale {hypothesis.match.scale:.4f}"
-    return f"x {T.x_m:.3f} m, y {T.y_m:.3f} m, yaw {math.degrees(T.yaw_rad):.2f}°{scale}"
+    return f"x {_plain(T.x_m, 3)} m, y {_plain(T.y_m, 3)} m, yaw {_plain(math.degrees(T.yaw_rad), 2)}°{scale}"
 
 
 def _sigmas(hypothesis: Hypothesis) -> str:
@@ -190,8 +197,12 @@ def _sigmas(hypothesis: Hypothesis) -> str:
     return f"  (± {x:.3f} m, {y:.3f} m, {math.degrees(yaw):.2f}°)"
 
 
-def _signed(value: float, digits: int = 6) -> str:
-    return f"{'−' if value < 0 else '+'} {abs(value):.{digits}f}"
+def _plain(value: float, digits: int) -> str:
+    return f"{round(value, digits) + 0.0:.{digits}f}"  # + 0.0: no -0.000
+
+
+def _signed(value: float, digits: int) -> str:
+    return f"{'-' if value < 0 else '+'} {abs(value):.{digits}f}"
 
 
 def _margin(margin: float) -> str:

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from mapgraft.commands.match import Asked, options_for, pairer_of
+from mapgraft.commands.match import Asked, options_for, pairer_of, print_remarks
 from mapgraft.console import cell, print_json, remarks, results
 from mapgraft.errors import UsageError
 from mapgraft.evaluation.statistics import Area, Share, Spread
@@ -51,8 +51,14 @@ def judge_and_show(lists: Lists, asked: Asked, out: Path | None, *, as_json: boo
     pairer = pairer_of(plugins, config, asked)
     shelf = Shelf(plugins, config, pairer.workshop)
 
+    seen: set[Path] = set()
+
     def read(file: MapFile, side: int) -> ReadyMap:
-        return shelf.read(file.path, _options(shelf, file, side, asked))
+        map_ = shelf.read(file.path, _options(shelf, file, side, asked))
+        if file.path not in seen:
+            seen.add(file.path)
+            print_remarks(map_)
+        return map_
 
     console = remarks()
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
