@@ -119,16 +119,19 @@ def _shelves(room: Room) -> None:
     deep, gap = float(room.rng.uniform(0.4, 1.0)), float(room.rng.uniform(1.1, 2.6))
     start = 1.2
     for y in np.arange(start + deep / 2, room.depth_m - 0.8, deep + gap).tolist():
-        length = room.width_m - float(room.rng.uniform(2.2, 3.2))
-        if length > 1.0:
-            room.fixed.append(box(room.width_m / 2, y, length, deep))
+        x = float(room.rng.uniform(1.0, 1.8))
+        while x < room.width_m - 2.2:
+            length = min(float(room.rng.uniform(2.0, 12.0)), room.width_m - 1.2 - x)
+            if room.rng.random() < 0.9:
+                room.fixed.append(box(x + length / 2, y, length, deep * float(room.rng.uniform(0.7, 1.0))))
+            x += length + float(room.rng.choice([0.0, 1.3]))
 
 
 def _office(room: Room) -> None:
     for _ in range(max(1, int(room.width_m * room.depth_m / 9.0 * room.rng.uniform(0.6, 1.2)))):
         _desk(room)
-    _cabinets(room, 0.5)
-    _boxes(room, 0.4)
+    _cabinets(room, 1.3)
+    _boxes(room, 0.5)
 
 
 def _lab(room: Room) -> None:
@@ -138,12 +141,12 @@ def _lab(room: Room) -> None:
         room.fixed += [box(*bench, 0.0)] if room.rng.random() < 0.4 else legs(*bench, 0.0, 0.04)
         for _ in range(int(room.rng.integers(0, 4))):
             _chair(room, *room.somewhere())
-    _cabinets(room, 0.4)
+    _cabinets(room, 1.2)
     _boxes(room, 2.2)
 
 
 def _storage(room: Room) -> None:
-    _cabinets(room, 1.2)
+    _cabinets(room, 1.6)
     _boxes(room, 2.0)
 
 
@@ -161,6 +164,7 @@ def _living(room: Room) -> None:
             _chair(room, x + float(rng.uniform(-1, 1)), y + float(rng.choice([-0.75, 0.75])))
     else:
         room.fixed.append(room.against_wall(min(room.depth_m, 3.0), 0.62, int(rng.choice([0, 2]))))
+    _cabinets(room, 1.0)
     _boxes(room, 0.6)
 
 
@@ -169,7 +173,7 @@ def _state_room(room: Room) -> None:
     rng = room.rng
     if rng.random() < 0.4:
         room.fixed.append(room.against_wall(float(rng.uniform(1.2, 2.2)), float(rng.uniform(0.3, 0.6)), 1))
-    _cabinets(room, 0.25)
+    _cabinets(room, 0.4)
     if rng.random() < 0.5 * room.clutter:
         x, y = room.somewhere(1.5)
         length = float(rng.uniform(1.0, 2.4))
@@ -185,7 +189,8 @@ def _hall(room: Room) -> None:
         is_round = rng.random() < 0.4
         for x in np.arange(spacing[0] / 2 + 0.5, room.width_m - 0.8, spacing[0]).tolist():
             for y in np.arange(spacing[1] / 2 + 0.5, room.depth_m - 0.8, spacing[1]).tolist():
-                room.fixed.append(disc(x, y, size, 12) if is_round else box(x, y, 2 * size, 2 * size))
+                thick = size * float(rng.uniform(0.9, 1.1))
+                room.fixed.append(disc(x, y, thick, 12) if is_round else box(x, y, 2 * thick, 2 * thick))
     use = rng.random()
     if use < 0.35:
         _shelves(room)

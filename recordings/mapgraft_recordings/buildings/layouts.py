@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -17,26 +18,24 @@ _NARROWEST_M = 1.8
 _LEAST_M2 = 280.0
 _TRIES = 20
 _ROTUNDA = 0.4
-_WIDTH_VARIES = 0.6  # of the share by which rooms vary
+_DEPTH_VARIES = 0.3  # of the share by which rooms vary
+_SECTION_M = 9.0
+_NARROWEST_HALF_M = 0.6
 
 
 class Corridor(NamedTuple):
-    """A corridor along its middle line from (x0, y0) to (x1, y1), reaching ``half_m`` to all sides of it."""
+    """A straight corridor along x, or along y where ``upright``, from ``start_m`` to ``end_m``, around ``at_m``."""
 
-    x0_m: float
-    y0_m: float
-    x1_m: float
-    y1_m: float
+    upright: bool
+    start_m: float
+    end_m: float
+    at_m: float
     half_m: float
 
     @property
-    def upright(self) -> bool:
-        return self.x0_m == self.x1_m
-
-    @property
-    def run(self) -> tuple[float, float, float]:
-        """(from, to) along and where it lies across."""
-        return (self.y0_m, self.y1_m, self.x0_m) if self.upright else (self.x0_m, self.x1_m, self.y0_m)
+    def corners(self) -> Corners:
+        near, far = self.at_m - self.half_m, self.at_m + self.half_m
+        return (near, self.start_m, far, self.end_m) if self.upright else (self.start_m, near, self.end_m, far)
 
 
 class Floor:
@@ -96,7 +95,7 @@ def _rooms_along(floor: Floor, start: float, end: float, at: float, depth: float
             width = end - place
         if rng.random() < filled:
             wet = not double and rng.random() < 0.06
-            across = at + depth
+            across = at + depth * (1.0 + _DEPTH_VARIES * traits.size_varies * float(rng.uniform(-1.0, 1.0)))
             corners = (at, place, across, place + width) if upright else (place, at, place + width, across)
             floor.add(corners, "wet" if wet else "room", model=2 if double else 1)
         place += width
@@ -124,14 +123,30 @@ def _web(floor: Floor, xs: list[float], ys: list[float], kept: float) -> list[Co
             old, new = group[b], group[a]
             group = {node: new if root == old else root for node, root in group.items()}
         if joins or rng.random() < kept:
-            width = 1.0 + _WIDTH_VARIES * floor.traits.size_varies * rng.uniform(-1.0, 1.0)
-            pieces.append(Corridor(xs[a[0]], ys[a[1]], xs[b[0]], ys[b[1]], half * width))
+            upright = a[0] == b[0]
+            ends, at = ((ys[a[1]], ys[b[1]]), xs[a[0]]) if upright else ((xs[a[0]], xs[b[0]]), ys[a[1]])
+            pieces += _sections(floor, upright, ends[0] - half, ends[1] + half, at)
     if rng.random() < _ROTUNDA and len(xs) > 1 and len(ys) > 1:
         middle, size = (xs[len(xs) // 2], ys[len(ys) // 2]), half * rng.uniform(1.6, 3.0)
         floor.corridor(middle[0] - size, middle[1] - size, middle[0] + size, middle[1] + size)
-    for x0, y0, x1, y1, reach in pieces:
-        floor.corridor(x0 - reach, y0 - reach, x1 + reach, y1 + reach)
+    for piece in pieces:
+        floor.corridor(*piece.corners)
     return sorted(pieces)
+
+
+def _sections(floor: Floor, upright: bool, start: float, end: float, at: float) -> list[Corridor]:
+    """One corridor, of several widths along its way where the building varies."""
+    traits, rng = floor.traits, floor.rng
+    most = 1 + int((end - start) / _SECTION_M)
+    count = int(rng.integers(1, most + 1)) if traits.size_varies > 0.0 else 1
+    cuts = [start, *np.sort(rng.uniform(start, end, count - 1)).tolist(), end]
+    found = []
+    for low, high in pairwise(cuts):
+        wider = 1.0 + traits.size_varies * float(rng.uniform(-0.7, 1.3))
+        half = max(traits.corridor_m / 2 * wider, _NARROWEST_HALF_M)
+        aside = float(rng.uniform(-0.5, 0.5)) * (half - traits.corridor_m / 2)
+        found.append(Corridor(upright, low, high, at + aside, half))
+    return found
 
 
 def _offices(floor: Floor) -> None:
@@ -158,10 +173,10 @@ def _offices(floor: Floor) -> None:
 
 def _line_with_rooms(floor: Floor, pieces: list[Corridor], filled: float) -> None:
     for piece in pieces:
-        (start, end, at), half = piece.run, piece.half_m
         for side in (-1.0, 1.0):
             depth = side * floor.varied(floor.traits.room_depth_m)
-            _rooms_along(floor, start - half, end + half, at + side * half, depth, piece.upright, filled)
+            at = piece.at_m + side * piece.half_m
+            _rooms_along(floor, piece.start_m, piece.end_m, at, depth, piece.upright, filled)
 
 
 def _corridors(floor: Floor) -> None:
@@ -174,8 +189,8 @@ def _corridors(floor: Floor) -> None:
     every, deep, wide = rng.uniform(3.0, 9.0), rng.uniform(0.8, 2.0), rng.uniform(0.9, 2.5)
     shown = rng.uniform(0.1, 0.9)
     for piece in pieces:
-        (start, end, at), half = piece.run, piece.half_m
-        for place in np.arange(start + half + every / 2, end - half - wide, every).tolist():
+        at, half = piece.at_m, piece.half_m
+        for place in np.arange(piece.start_m + every / 2, piece.end_m - wide, every).tolist():
             side = float(rng.choice([-1.0, 1.0]))
             if rng.random() < shown:
                 a, b = at + side * half, at + side * (half + deep)

@@ -15,8 +15,8 @@ class Traits:
 
     ``copied`` is the share of rooms that are exact copies of the building's model room of their size; the others are
     furnished anew. ``relief`` is the number of niches, pilasters and radiators per metre of wall face, ``relief_m``
-    how deep they are, ``crooked_m`` how far the corners of a wall face lie off its line, ``uneven`` how far whole
-    walls lie off theirs as a share of their thickness. ``columns`` is the share of walls with a column,
+    how deep they are, ``crooked_m`` how far the corners of a wall face lie off its line, ``uneven`` how much thicker
+    than others some walls are. ``columns`` is the share of walls with a column,
     ``cut_corners`` of rooms with an oblique or round corner, ``sidelights`` of doors with a narrow pane beside them,
     through which a little of the room is seen. ``glass_reflects`` is the share of beams that a pane sends back,
     ``people`` the share of scans into which somebody walks, ``changes`` that of things and doors found changed later.
@@ -90,22 +90,22 @@ def draw_traits(kind: str, rng: np.random.Generator) -> Traits:
         wall_m=wall,
         outer_wall_m=wall * rng.uniform(1.0, 2.0),
         door_m=rng.uniform(0.8, 1.1) if kind not in ("castle", "hall") else rng.uniform(0.9, 1.6),
-        door_place=str(rng.choice(["corner", "middle", "anywhere"], p=[0.45, 0.3, 0.25])),
+        door_place=str(rng.choice(["corner", "middle", "anywhere"], p=[0.3, 0.2, 0.5])),
         door_closed=closed,
         door_ajar=rng.uniform(0.0, 0.4),
         door_leafless=rng.uniform(0.5, 1.0) if kind == "castle" else rng.uniform(0.0, 0.4),
         corridor_m=rng.uniform(*_CORRIDOR_M[kind]),
         room_width_m=rng.uniform(width_from, width_to),
         room_depth_m=rng.uniform(depth_from, depth_to),
-        size_varies=float(rng.choice([0.0, rng.uniform(0.05, 0.5), rng.uniform(0.05, 0.5)])),
-        copied=float(rng.choice([0.0, rng.uniform(0.0, 1.0), 1.0], p=[0.55, 0.25, 0.2])),
+        size_varies=float(rng.choice([0.0, rng.uniform(0.05, 0.6)], p=[0.2, 0.8])),
+        copied=float(rng.choice([0.0, rng.uniform(0.0, 1.0), 1.0], p=[0.7, 0.2, 0.1])),
         mirrored=bool(rng.random() < 0.4),
         clutter=float(rng.choice([rng.uniform(0.15, 0.7), rng.uniform(0.7, 2.0)])),
-        relief=rng.uniform(0.0, 0.9),
+        relief=rng.uniform(0.0, 1.1),
         relief_m=rng.uniform(0.04, 0.15) * (1.6 if kind == "castle" else 1.0),
         regular_relief=bool(rng.random() < 0.5),
         crooked_m=float(rng.choice([0.0, rng.uniform(0.0, 0.025)])),
-        uneven=float(rng.choice([0.0, rng.uniform(0.0, 0.3), rng.uniform(0.0, 0.3)])),
+        uneven=float(rng.choice([0.0, rng.uniform(0.1, 1.0)], p=[0.2, 0.8])),
         columns=float(rng.choice([0.0, rng.uniform(0.1, 1.0)])),
         cut_corners=float(rng.choice([0.0, rng.uniform(0.02, 0.5)])),
         glass_outside=rng.uniform(0.1, 0.7) if glassy else 0.0,

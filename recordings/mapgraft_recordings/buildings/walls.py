@@ -72,7 +72,7 @@ def _build(
 ) -> None:
     outside = wall.before < 0 or wall.after < 0
     thickness = (traits.outer_wall_m if outside else traits.wall_m) * (1.0 + traits.uneven * rng.uniform(0.0, 1.0))
-    wall = replace(wall, at_m=wall.at_m + traits.uneven * thickness * rng.uniform(-1.0, 1.0))
+    wall = replace(wall, at_m=wall.at_m + 0.3 * traits.uneven * thickness * rng.uniform(-1.0, 1.0))
     if rng.random() < traits.columns:
         made.solid.append(_across(wall, wall.low_m, *(thickness + rng.uniform(0.06, 0.4, 2)).tolist()))
     start = wall.low_m - thickness / 2
