@@ -67,10 +67,10 @@ def meet(target: Prepared, source: Prepared, T_target_source: Transform) -> Meet
     return Meeting(total, int(free + table[2, 2]), int(against), int(table[2, 2]), int(near))
 
 
-def meeting_table(target: Prepared, source: Prepared, T: Transform, stride: int = 1) -> NDArray[np.int64]:
-    """The (5, 5) counts of (target mark, source mark); of free cells only every ``stride``-th, counted so often."""
+def meeting_table(target: Prepared, source: Prepared, T: Transform) -> NDArray[np.int64]:
+    """The (5, 5) counts of (target mark, source mark) under ``T_target_source``; both at one resolution."""
     ratio = source.unit_m / target.unit_m
     cosine, sine = ratio * math.cos(T.yaw_rad), ratio * math.sin(T.yaw_rad)
     shift = (T.apply(source.origin_m[None])[0] - target.origin_m) / target.unit_m
-    out: NDArray[np.int64] = meeting(target.marks, source.marks, cosine, sine, shift[0], shift[1], stride)
+    out: NDArray[np.int64] = meeting(target.marks, source.marks, cosine, sine, shift[0], shift[1])
     return out

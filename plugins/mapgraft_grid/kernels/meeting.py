@@ -37,25 +37,23 @@ def meeting(
     sine: float,
     shift_x: float,
     shift_y: float,
-    stride: int,
 ) -> NDArray[np.int64]:
     """The (5, 5) table of (target mark, source mark) when the source's cells are turned, shifted and dropped.
 
     ``target`` and ``source`` are marks. A cell's centre (x, y) of the source, in cells from its lower-left corner, goes
-    to cosine · x - sine · y + shift_x, sine · x + cosine · y + shift_y in the target's cells. Of the free cells of the
-    source only every ``stride``-th on every ``stride``-th row is looked at, and counted so often.
+    to cosine · x - sine · y + shift_x, sine · x + cosine · y + shift_y in the target's cells. Cells of
+    the source that land outside or know nothing are not counted.
     """
     table = np.zeros((5, 5), np.int64)
     height, width = target.shape
-    weight = stride * stride
     for row in range(source.shape[0]):
         u0 = 0.5 * cosine - (row + 0.5) * sine + shift_x
         v0 = 0.5 * sine + (row + 0.5) * cosine + shift_y
         for column in range(source.shape[1]):
             theirs = source[row, column]
-            if theirs == 0 or (theirs == 1 and (row % stride or column % stride)):
+            if theirs == 0:
                 continue
             x, y = math.floor(u0 + column * cosine), math.floor(v0 + column * sine)
             if 0 <= x < width and 0 <= y < height:
-                table[target[y, x], theirs] += weight if theirs == 1 else 1
+                table[target[y, x], theirs] += 1
     return table
