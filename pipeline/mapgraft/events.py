@@ -14,8 +14,8 @@ Kind = Literal[
     "unmatched",  # the matcher or the acceptor found nothing good enough
     "ambiguous",  # more than one hypothesis is good; tried again later
     "merged",  # a contribution entered the receiver's map (provisional)
-    "updated",  # a newer version of the donor's layer took the place of the older one
-    "verified",  # the metrics were measured and the verifier kept the merge
+    "updated",  # a newer version of the donor's layer, a better transform, or both took the place of the older ones
+    "verified",  # the metrics were measured and the verifier kept the merge; not every time, see Merge.tells
     "confirmed",  # the verifier or a person is sure
     "reverted",  # the contribution was taken out again
 ]

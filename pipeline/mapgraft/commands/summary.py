@@ -65,7 +65,7 @@ def _merges(events: Sequence[Event]) -> list[list[Event]]:
 def _print_merge(console: Console, events: Sequence[Event], start_ns: int) -> None:
     """Two lines: which merge, when and where; and what became of it."""
     last = _decisive(events)
-    T = last.T_receiver_donor
+    T = next((event.T_receiver_donor for event in reversed(events) if event.T_receiver_donor is not None), None)
     pose = "" if T is None else f", {last.donor} at {T.x_m:.2f} m, {T.y_m:.2f} m, {math.degrees(T.yaw_rad):.1f}°"
     style = {"reverted": "red", "confirmed": "green"}.get(last.state, "yellow")
     console.print(cell(f"{events[0].merge_id}  made at {_seconds(events[0].stamp_ns - start_ns)}{pose}"))
