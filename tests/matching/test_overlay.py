@@ -53,7 +53,7 @@ def test_walls_within_a_cell_of_the_coarser_map_agree() -> None:
     assert set(np.unique(picture)) == {UNKNOWN, BOTH}
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(
     st.lists(st.tuples(st.floats(-300, 300), st.floats(-300, 300)), min_size=1, max_size=30),
     st.lists(st.tuples(st.floats(-300, 300), st.floats(-300, 300)), min_size=1, max_size=30),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from mapgraft.contracts import ConfigError, MapError
 from mapgraft.decision import build_table
 from mapgraft.errors import UsageError
+from mapgraft.matching.folder import write_folder
 from mapgraft.matching.pairing import Pairer, with_matcher
 from mapgraft.matching.pixels import in_pixels, moved, planar
 from mapgraft.matching.ready_map import Shelf
@@ -131,6 +133,11 @@ def test_any_registered_format_and_type_is_matched(with_beacons: Bench, tmp_path
     assert pairing.accepted.match.T_receiver_donor.x_m == -100.0
     assert pairing.merged is not None
     assert pairing.merged.known() == 5
+    out = tmp_path / "out"
+    assert write_folder(out, pairing, pairer.workshop) == ["match.json", "merged.csv", "overlay.png"]
+    assert (out / "merged.csv").read_text() == "1,2\n3,2\n7,2\n12,1\n15,1\n"
+    told = json.loads((out / "match.json").read_text())
+    assert (told["T_px_b2a"], told["a"]["width_px"]) == (None, None), "what has no pixels tells none"
 
 
 @pytest.mark.parametrize(

@@ -76,10 +76,6 @@ class Shelf:
             self._read[key] = self._made(path, options)
         return self._read[key]
 
-    def forget(self) -> None:
-        """Read everything anew from now on."""
-        self._read.clear()
-
     def _made(self, path: Path, options: Mapping[str, object]) -> ReadyMap:
         form, name, remarks = self._format_of(path), path.stem, list[str]()
         robot = self.config.robots.get(name)
