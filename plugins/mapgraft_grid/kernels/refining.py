@@ -114,7 +114,7 @@ def refine(
                 normal[:] = 0.0
                 _add(target_distances, target_unit, source_points, out[k], zero, False, sigma, forward, normal)
                 _add(source_distances, source_unit, target_points, out[k], source_corner, True, sigma, backward, normal)
-                dx, dy, dyaw = _solved(normal, lever, 1e-3 * (normal[0, 0] + normal[1, 1]) + 1e-12)
+                dx, dy, dyaw = _solved(normal, lever, 1e-2 * (normal[0, 0] + normal[1, 1]) + 1e-12)
                 out[k, 0] += dx
                 out[k, 1] += dy
                 out[k, 2] += dyaw
