@@ -47,6 +47,8 @@ RULES: dict[str, dict[str, Any]] = {
     "nothing, every scan": {"metrics": ["nothing"], "every": 1},
     "nothing, every 10": {"metrics": ["nothing"], "every": 10},
     "nothing near, every 10": {"metrics": ["nothing_near"], "every": 10},
+    "sequential, every scan": {"use": "sequential", "metrics": ["news"], "every": 1},
+    "sequential, every 5": {"use": "sequential", "metrics": ["news"], "every": 5},
     "similarity, every scan": {"metrics": ["similarity"], "every": 1},
     "similarity, every 10": {"metrics": ["similarity"], "every": 10},
     "distance, every 10": {"metrics": ["distance"], "every": 10},
