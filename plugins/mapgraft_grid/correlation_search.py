@@ -69,7 +69,7 @@ def search(target: Prepared, source: Prepared, gate: Gate | None = None) -> Pose
     while factor > FINEST:
         factor, step_rad = max(FINEST, factor // 2), step_rad / 2.0
         fine = level(target, factor)
-        sample = _sample(source, CLEAR_CELLS * fine.unit_m, FINE_POINTS)
+        sample = sampled(source, CLEAR_CELLS * fine.unit_m, FINE_POINTS)
         poses = _best(_climbed(fine, sample, poses, step_rad, 1), fine.unit_m, step_rad, next(kept, MOST_FOUND))
     return _best(poses, ONE_M, ONE_RAD, MOST_FOUND)
 
@@ -93,7 +93,7 @@ def coarse_factor(target: Prepared, source: Prepared) -> int:
     return max(FINEST + 1, round(max(COARSE_M, across_m / CELLS_ACROSS) / target.unit_m))
 
 
-def _sample(source: Prepared, clear_m: float, most: tuple[int, int]) -> Sample:
+def sampled(source: Prepared, clear_m: float, most: tuple[int, int]) -> Sample:
     """Evenly chosen walls and free cells; free ones only ``clear_m`` from walls, and no farther out than walls are."""
     key = ("sample", clear_m, most)
     if key not in source.kept:
@@ -120,22 +120,22 @@ def _everywhere(target: Prepared, source: Prepared, factor: int, gate: Gate | No
     yaws: NDArray[np.float64] = math.pi / half_turn * np.arange(half_turn)
     if gate is not None:
         yaws = yaws[[gate.admits_line(yaw, math.pi / half_turn) for yaw in yaws]]
-    sample = _sample(source, CLEAR_CELLS * unit_m, COARSE_POINTS)
+    sample = sampled(source, CLEAR_CELLS * unit_m, COARSE_POINTS)
     still = scipy.fft.rfft2(np.stack((coarse.on_wall, coarse.on_free)), shape)
     found: list[NDArray[np.float64]] = [np.empty((0, 4))]
     for first in range(0, yaws.size, BATCH):
         part = yaws[first : first + BATCH]
-        scores = _scores(still, sample, part, unit_m, shape)
+        scores = scored(still, sample, part, unit_m, shape)
         for half, k in np.ndindex(2, part.size):
             places, values = peaks(scores[half, k], PER_YAW, 0.0)
             found.append(np.column_stack((places, np.full(values.size, part[k] + half * math.pi), values)))
-    poses = _unwrapped(_best(np.concatenate(found), 0.0, 0.0, KEPT), coarse, reach, shape)
+    poses = unwrapped(_best(np.concatenate(found), 0.0, 0.0, KEPT), coarse, reach, shape)
     if gate is not None:
         poses = poses[gate.admits(poses, unit_m, math.pi / half_turn)]
     return poses, math.pi / half_turn
 
 
-def _scores(
+def scored(
     still: NDArray[np.complex64], sample: Sample, yaws: NDArray[np.float64], unit_m: float, shape: tuple[int, ...]
 ) -> NDArray[np.float32]:
     """The scores (2, k, h, w) of all shifts, of the source turned by each yaw and by half a turn more."""
@@ -149,7 +149,7 @@ def _scores(
     return scores
 
 
-def _unwrapped(periodic: NDArray[np.float64], coarse: Level, reach: int, shape: tuple[int, ...]) -> Poses:
+def unwrapped(periodic: NDArray[np.float64], coarse: Level, reach: int, shape: tuple[int, ...]) -> Poses:
     """The poses that periodic ones (k, 4) of row, column, yaw and score can mean: where source and target can meet."""
     out = []
     for turns in np.ndindex(3, 3):
@@ -168,7 +168,7 @@ def _within(target: Prepared, source: Prepared, gate: Gate) -> tuple[Poses, floa
     if poses is None:
         return None
     return _best(
-        _climbed(fine, _sample(source, CLEAR_CELLS * fine.unit_m, FINE_POINTS), poses, 0.0, 0), 0.0, 0.0, KEPT
+        _climbed(fine, sampled(source, CLEAR_CELLS * fine.unit_m, FINE_POINTS), poses, 0.0, 0), 0.0, 0.0, KEPT
     ), step_rad
 
 
