@@ -34,7 +34,7 @@ def room(resolution_m: float, T_map_world: Transform, grid_map_of: MakeMap) -> G
 @settings(deadline=None, max_examples=20)
 @given(
     st.sampled_from([(0.05, 0.05), (0.1, 0.1), (0.05, 0.1), (0.1, 0.05)]),
-    st.floats(-math.pi, math.pi),
+    st.floats(0.1, 1.4),  # aligned cells would round all edges to one side
     st.integers(0, 1000),
 )
 def test_refined_below_a_cell(grid_map_of: MakeMap, resolutions_m: tuple[float, float], yaw: float, seed: int) -> None:
@@ -45,8 +45,8 @@ def test_refined_below_a_cell(grid_map_of: MakeMap, resolutions_m: tuple[float, 
     centre = T.apply(np.zeros((1, 2)))[0]
     found = refined(distance_field(one), distance_field(other), centre, [start])[0]
     shift = found.apply(centre[None])[0]
-    assert np.hypot(*shift) < 0.6 * max(resolutions_m)  # edges are rounded to cells, at yaw 0 all to one side
-    assert abs(math.remainder(found.yaw_rad + yaw, 2.0 * math.pi)) < math.radians(0.25)
+    assert np.hypot(*shift) < 0.25 * max(resolutions_m)
+    assert abs(math.remainder(found.yaw_rad + yaw, 2.0 * math.pi)) < math.radians(0.2)
 
 
 def test_along_a_corridor_little_moves(grid_map_of: MakeMap) -> None:
