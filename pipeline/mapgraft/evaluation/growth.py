@@ -27,7 +27,7 @@ def grow(pair: Pair) -> Growth:
         began_s = perf_counter()
         map_type.integrate(layer, observation)
         integrated_s.append(perf_counter() - began_s)
-    resolution_m = map_type.metadata(layer).resolution_m
+    resolution_m = map_type.metadata(map_type.new_layer()).resolution_m  # of an empty one: quality takes its time
     if truth is None or resolution_m is None:
         return Growth(None, tuple(integrated_s))
     more = truth.walls_known_to(map_type.view(layer)) - truth.shared_walls

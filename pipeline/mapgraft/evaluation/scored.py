@@ -89,7 +89,6 @@ class Scored:
 def score(pair: Pair, trial: Trial, growth: Growth) -> Scored:
     """Hold a trial against the truth about its pair."""
     best = None if trial.best is None else _placed(pair, trial.best.T_receiver_donor, trial.best.scale)
-    scale = 1.0 if trial.best is None else trial.best.scale
     sure = None
     if best is not None and best.right and trial.best is not None and pair.truth is not None:
         sure = certainty(pair.truth, trial.best)
@@ -102,10 +101,10 @@ def score(pair: Pair, trial: Trial, growth: Growth) -> Scored:
         best=best,
         numbers={} if trial.best is None else numbers_of(trial.best, trial.measurements),
         lower=frozenset(m.name for m in trial.measurements.values() if m.better == "lower"),
-        accepted=None if trial.T_accepted is None else _placed(pair, trial.T_accepted, scale),
+        accepted=None if trial.T_accepted is None else _placed(pair, trial.T_accepted, trial.scale),
         state=trial.state,
         state_reason=trial.state_reason,
-        final=None if trial.T_final is None else _placed(pair, trial.T_final, scale),
+        final=None if trial.T_final is None else _placed(pair, trial.T_final, trial.scale),
         later=measured(trial.later),
         walls_m=growth.walls_m,
         distance2=None if sure is None else sure.distance2,

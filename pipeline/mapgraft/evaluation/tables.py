@@ -69,6 +69,22 @@ def _parts(columns: Sequence[Column]) -> Mapping[str, Sequence[_Row]]:
             *(_recall_row(columns[0].summary.recall[number].overlap, number) for number in bins),
             _Row(">= .3", lambda c: percent(c.summary.recall_from_some_overlap)),
         ],
+        **_of_merges(),
+        "covariance of right hypotheses": [
+            _Row("truth inside the 95 % ellipse", lambda c: percent(c.summary.covariance.inside)),
+            _Row("flagged degenerate", lambda c: percent(c.summary.covariance.degenerate)),
+            _Row("without a covariance", lambda c: f"{c.summary.covariance.without}"),
+        ],
+        "time, median (95th percentile)": [
+            _Row("match", lambda c: milliseconds(c.times.match_ms)),
+            _Row("verify, per scan", lambda c: milliseconds(c.times.verify_ms)),
+            _Row("map a scan", lambda c: milliseconds(c.times.integrate_ms)),
+        ],
+    }
+
+
+def _of_merges() -> Mapping[str, Sequence[_Row]]:
+    return {
         "merged at once": [
             _Row("right, of all pairs", lambda c: percent(c.summary.acceptance.right)),
             _Row("right, of right hypotheses at overlap >= .5", lambda c: percent(c.summary.acceptance.right_of_right)),
@@ -86,16 +102,6 @@ def _parts(columns: Sequence[Column]) -> Mapping[str, Sequence[_Row]]:
             _Row(
                 "the same with >= 4 m of new wall", lambda c: percent(c.summary.afterwards.right_confirmed_on_new_wall)
             ),
-        ],
-        "covariance of right hypotheses": [
-            _Row("truth inside the 95 % ellipse", lambda c: percent(c.summary.covariance.inside)),
-            _Row("flagged degenerate", lambda c: percent(c.summary.covariance.degenerate)),
-            _Row("without a covariance", lambda c: f"{c.summary.covariance.without}"),
-        ],
-        "time, median (95th percentile)": [
-            _Row("match", lambda c: milliseconds(c.times.match_ms)),
-            _Row("verify, per scan", lambda c: milliseconds(c.times.verify_ms)),
-            _Row("map a scan", lambda c: milliseconds(c.times.integrate_ms)),
         ],
     }
 

@@ -29,9 +29,10 @@ class Trial:
     """What came of it.
 
     ``best`` is the matcher's first hypothesis with its ``measurements``; ``T_accepted`` the transform that was accepted
-    and ``T_final`` the one at which the merge stands after further mapping, or was reverted. ``state`` is the merge's
-    state then, with ``later``, the last measurements; empty where nothing was accepted. ``match_s`` is None where the
-    decision table turned the pair away, ``observed_s`` what each further scan took with the merge standing.
+    and ``T_final`` the one at which the merge stands after further mapping, or was reverted, both with ``scale``.
+    ``state`` is the merge's state then, with ``later``, the last measurements; empty where nothing was accepted.
+    ``match_s`` is None where the decision table turned the pair away, ``observed_s`` what each further scan took with
+    the merge standing.
     """
 
     rule: str
@@ -43,6 +44,7 @@ class Trial:
     state: Literal["", "provisional", "confirmed", "reverted"]
     state_reason: str
     T_final: Transform | None
+    scale: float
     later: Mapping[str, Measurement]
     match_s: float | None
     observed_s: tuple[float, ...]
@@ -122,6 +124,7 @@ def _told(witness: Witness, events: Sequence[Event], attempted: Event, observed_
         state=_state(last),
         state_reason=last.reason if last else "",
         T_final=last.T_receiver_donor if last else None,
+        scale=merged.scale if merged else 1.0,
         later={m.name: m for m in later.measurements} if merged and later else {},
         match_s=witness.match_s[0] if witness.match_s else None,
         observed_s=observed_s,
