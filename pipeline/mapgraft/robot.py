@@ -21,7 +21,7 @@ from mapgraft.reversal import Reversal
 from mapgraft.trail import Trail
 
 Fetch = Callable[[], bytes]
-LONG = 64  # observations after which it is worth looking which of them are still needed
+LONG = 64  # observations: so often it is found out which of them are still needed
 EPOCH = 1  # a robot's map frame lives from its first to its last observation
 
 
@@ -71,7 +71,7 @@ class Robot:
             self.verify(merge, observation.stamp_ns)
             if merge.state != "reverted" and merge.is_to_register():
                 self._register(merge, observation.stamp_ns)
-        if not self.merges or len(self.trail) >= LONG:
+        if not self.merges or now % LONG == 0:
             self.trail.forget(min((merge.seen for merge in self.merges.values()), default=now))
 
     def offer(self) -> bytes:
