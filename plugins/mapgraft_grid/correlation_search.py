@@ -31,7 +31,7 @@ ONE_RAD: Final = math.radians(3.0)
 COARSE_POINTS: Final = (4_000, 3_000)  # walls and free cells of the source that are looked at, at most
 FINE_POINTS: Final = (500, 800)
 DIRECT: Final = 4_000  # poses within a prior that are tried one by one
-BATCH: Final = 8  # rotations transformed at once: what fits a cache
+BATCH: Final = 1  # rotations transformed at once: what fits a second-level cache
 
 # (k, 4): where the source's centre comes to lie (x, y in metres in the target's frame), yaw, score; best first
 Poses = NDArray[np.float64]
@@ -97,12 +97,10 @@ def sampled(source: Prepared, clear_m: float, most: tuple[int, int]) -> Sample:
     """Evenly chosen walls and free cells; free ones only ``clear_m`` from walls, and no farther out than walls are."""
     key = ("sample", clear_m, most)
     if key not in source.kept:
-        free = source.free - source.centre_m
-        keep = (free**2).sum(axis=1) <= source.radius_m**2
-        if clear_m > 0.0:
-            keep &= source.wall_distances() > clear_m
-        some = thinned(source.walls - source.centre_m, most[0]), thinned(free[keep], most[1])
-        counts = len(source.walls), int(keep.sum())
+        free = source.free_clear_of_walls(round(clear_m / source.unit_m)) - source.centre_m
+        free = free[np.einsum("ij,ij->i", free, free) <= source.radius_m**2]
+        some = thinned(source.walls - source.centre_m, most[0]), thinned(free, most[1])
+        counts = len(source.walls), len(free)
         weights = tuple(count / max(1, len(part)) for count, part in zip(counts, some, strict=True))
         source.kept[key] = Sample(*some, (weights[0], weights[1]))
     found = source.kept[key]
@@ -119,7 +117,7 @@ def _everywhere(target: Prepared, source: Prepared, factor: int, gate: Gate | No
     half_turn = max(8, math.ceil(math.pi * source.radius_m / (STEP_CELLS * unit_m)))
     yaws: NDArray[np.float64] = math.pi / half_turn * np.arange(half_turn)
     if gate is not None:
-        yaws = yaws[[gate.admits_line(yaw, math.pi / half_turn) for yaw in yaws]]
+        yaws = np.compress([gate.admits_line(yaw, math.pi / half_turn) for yaw in yaws], yaws)
     sample = sampled(source, CLEAR_CELLS * unit_m, COARSE_POINTS)
     still = scipy.fft.rfft2(np.stack((coarse.on_wall, coarse.on_free)), shape)
     found: list[NDArray[np.float64]] = [np.empty((0, 4))]

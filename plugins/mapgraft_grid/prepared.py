@@ -46,19 +46,13 @@ class Prepared:
         found: Marks = np.asarray(self.kept["marks"])
         return found
 
-    @property
-    def free(self) -> Points:
-        """The centres of the free cells (m, 2), as those of the walls; not kept."""
-        return _centres(self.classes, FREE, self.unit_m, self.origin_m)
-
-    def wall_distances(self) -> NDArray[np.float64]:
-        """How far each of the free cells is from the nearest wall, in metres (m,); about."""
+    def free_clear_of_walls(self, cells: int) -> Points:
+        """The centres (m, 2) of the free cells more than so many cells from any wall, along x or y; not kept."""
         import cv2
 
-        no_wall = (self.classes != OCCUPIED).astype(np.uint8)
-        distances = cv2.distanceTransform(no_wall, cv2.DIST_L2, cv2.DIST_MASK_3)
-        out: NDArray[np.float64] = distances[self.classes == FREE] * float(self.unit_m)
-        return out
+        walls = (self.classes == OCCUPIED).astype(np.uint8)
+        near = cv2.dilate(walls, np.ones((2 * cells + 1, 2 * cells + 1), np.uint8))
+        return _centres((self.classes == FREE) & (near == 0), self.unit_m, self.origin_m)
 
 
 _PREPARED: weakref.WeakKeyDictionary[GridMap, dict[float, Prepared]] = weakref.WeakKeyDictionary()
@@ -88,7 +82,7 @@ def _prepared(map_: GridMap, unit_m: float, name: str) -> Prepared:
     size_m = unit_m if resample else grid.resolution_m
     classes = np.pad(classes, RIM)
     origin_m = np.asarray(grid.origin_m, dtype=np.float64) - RIM * size_m
-    walls = _centres(classes, OCCUPIED, size_m, origin_m)
+    walls = _centres(classes == OCCUPIED, size_m, origin_m)
     if not len(walls):
         raise EmptyMapError(f"the {name} map has no occupied cell, so there is nothing to match: map more of it first")
     centre = (walls.min(axis=0) + walls.max(axis=0)) / 2.0
@@ -96,8 +90,8 @@ def _prepared(map_: GridMap, unit_m: float, name: str) -> Prepared:
     return Prepared(size_m, origin_m, classes, walls, centre, radius)
 
 
-def _centres(classes: Classes, wanted: int, unit_m: float, origin_m: NDArray[np.float64]) -> Points:
-    rows, columns = np.nonzero(classes == wanted)
+def _centres(wanted: NDArray[np.bool_], unit_m: float, origin_m: NDArray[np.float64]) -> Points:
+    rows, columns = np.nonzero(wanted)
     return np.stack((columns + 0.5, rows + 0.5), axis=1) * unit_m + origin_m
 
 
