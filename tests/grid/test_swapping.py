@@ -21,6 +21,7 @@ from mapgraft.contracts import (
     Scan,
     Transform,
 )
+from mapgraft.plugins import load_plugins
 from mapgraft.registration import Site, find_move
 from mapgraft.reversal import Ledger, MultiMap, new_reversal
 from mapgraft_grid.correlation import Correlation
@@ -151,3 +152,11 @@ def test_regions_meet_where_they_have_a_cell_in_common(a, b):
     one, other = region(a), region(b)
     both: Region = one.minus(other)
     assert one.meets(other) is other.meets(one) is (len(both) < len(one)) is bool(set(a) & set(b))
+
+
+def test_only_matchers_that_search_around_a_prior_refine():
+    plugins = load_plugins()
+    told = {
+        name: plugins.find("matcher", name).descriptor.uses_prior for name in ("correlation", "carpin", "known_pose")
+    }
+    assert told == {"correlation": True, "carpin": False, "known_pose": False}
