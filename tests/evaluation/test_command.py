@@ -109,6 +109,16 @@ def test_without_a_file_there_is_nothing_to_judge(capsys):
     assert code == 1 and "/nowhere/at.mcap" in err
 
 
+def test_a_ready_map_cannot_be_cut_into_windows(tmp_path, capsys):
+    (tmp_path / "floor.pgm").write_bytes(b"P5 40 40 255\n" + bytes([0, 254] * 800))
+    floor = tmp_path / "floor.yaml"
+    floor.write_text(
+        "image: floor.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    code, out, err = said(capsys, str(floor))
+    assert (code, out) == (1, "") and "floor holds ready-made maps, which cannot be cut into windows" in err
+
+
 def test_the_same_recording_twice_is_refused(recording, tmp_path, capsys):
     copy = tmp_path / "beta.mcap"
     copy.write_bytes(recording.read_bytes())

@@ -120,6 +120,8 @@ def test_pairs_that_the_table_turns_away_are_counted_apart(courses, plugins, rul
     assert (summary.rejected, summary.right, summary.wrong, summary.without_hypothesis) == (12, 0, 0, 0)
     assert sum(bin_.rejected for bin_ in summary.recall) == 9
     assert all(bin_.recall.of == 0 for bin_ in summary.recall)
+    assert len(turned_away.remarks) == 1
+    assert "12 of 12 pairs were turned away" in turned_away.remarks[0] and "1e+06" in turned_away.remarks[0]
     assert turned_away.titles == {"judged": "no rule applied"}
     assert turned_away.judged[0].by["judged"].match_s is None
 

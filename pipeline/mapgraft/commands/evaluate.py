@@ -47,7 +47,7 @@ def evaluate_and_show(
             print_json(content)
             return
         _write(Path(json_out), json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-    for sentence in evaluation.bench.remarks:
+    for sentence in evaluation.remarks:
         remarks().print(cell(sentence), style="yellow")
     print_tables(
         results(),

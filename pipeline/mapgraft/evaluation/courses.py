@@ -77,7 +77,12 @@ def load_courses(paths: Sequence[Path], config: Config, plugins: Plugins) -> lis
             if observation.kind != GRID_MESSAGE:
                 seen[observation.robot].append(observation)
         if not any(seen.values()):
-            raise RecordingError(nothing_to_map(mission))
+            ready = ", ".join(source.name for source in mission.robots if GRID_MESSAGE in source.kinds)
+            raise RecordingError(
+                f"{ready} holds ready-made maps, which cannot be cut into windows: name recordings of scans"
+                if ready
+                else nothing_to_map(mission)
+            )
         some = [source for source in mission.robots if seen[source.name]]
         courses = [_course(number, source, seen[source.name], mission) for number, source in enumerate(some)]
     for a, b in combinations(courses, 2):

@@ -40,7 +40,7 @@ def document(evaluation: Evaluation, provenance: RunProvenance) -> dict[str, Any
                 }
                 for course in bench.courses
             ],
-            "remarks": list(bench.remarks),
+            "remarks": list(evaluation.remarks),
             "procedures": {
                 contender.name: {
                     "title": evaluation.titles[contender.name],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -16,9 +17,10 @@ from numpy.typing import NDArray
 
 from mapgraft.config import Config
 from mapgraft.errors import UsageError
-from mapgraft.evaluation.bench import Bench, Judged, Settings
+from mapgraft.evaluation.bench import JUDGED, Bench, Judged, Settings
 from mapgraft.evaluation.courses import Course, load_courses
 from mapgraft.evaluation.drawing import PairPlan
+from mapgraft.evaluation.scored import Scored
 from mapgraft.evaluation.statistics import resampled
 from mapgraft.evaluation.summary import Summary, Times, summarize, times_of
 from mapgraft.plugins import Plugins
@@ -28,10 +30,14 @@ Progress = Callable[[int], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evaluation:
-    """What came of it: one Judged per plan; titles, summaries and times of the contenders, by their names."""
+    """What came of it: one Judged per plan; titles, summaries and times of the contenders, by their names.
+
+    ``remarks`` are sentences about what is doubtful or was left out.
+    """
 
     bench: Bench
     judged: Sequence[Judged]
+    remarks: Sequence[str]
     titles: Mapping[str, str]
     summaries: Mapping[str, Summary]
     times: Mapping[str, Times]
@@ -81,6 +87,7 @@ def evaluate_courses(
     return Evaluation(
         bench,
         judged,
+        [*bench.remarks, *_turned_away(by[JUDGED])],
         {
             contender.name: contender.title(scored.rule for scored in by[contender.name])
             for contender in bench.contenders
@@ -89,6 +96,15 @@ def evaluate_courses(
         {name: times_of(scored) for name, scored in by.items()},
         perf_counter() - began_s,
     )
+
+
+def _turned_away(scored: Sequence[Scored]) -> list[str]:
+    """A sentence on why the decision table turned pairs away, where it did."""
+    reasons = Counter(one.reason for one in scored if one.verdict == "rejected")
+    return [
+        f"{reasons.total()} of {len(scored)} pairs were turned away by the decision table: {reason}"
+        for reason, _ in reasons.most_common(1)
+    ]
 
 
 def _check_jobs(jobs: int) -> None:
