@@ -13,10 +13,10 @@ from mapgraft_grid.kernels.meeting import meeting
 from mapgraft_grid.prepared import Prepared
 
 OCCUPANCY_PRIOR: Final = 0.1  # share of walls in what indoor grids know at 0.1 m, with what touches them
-P_FREE: Final = 0.002
-P_OCCUPIED: Final = 0.98
+P_FREE: Final = 0.0005
+P_OCCUPIED: Final = 0.995
 P_BESIDE: Final = 0.3  # free and touching an occupied cell: walls are blurred by a cell
-P_BEHIND: Final = 0.75  # unknown and touching one: nobody looks through a wall
+P_BEHIND: Final = 0.86  # unknown and touching one: nobody looks through a wall
 
 
 def log_bayes_factors(prior: float = OCCUPANCY_PRIOR) -> NDArray[np.float64]:

@@ -21,6 +21,7 @@ from mapgraft_grid.refinement import distance_field, placed, refined
 OTHER_YAW_RAD: Final = math.radians(10.0)  # two hypotheses nearer than this in both are one
 OTHER_SHIFT_M: Final = 2.5  # mean displacement of the source's walls
 ASKED_WALLS: Final = 200  # of the source that tell how far two hypotheses lie apart
+SAME_M: Final = 0.05  # refined hypotheses nearer than this are one and the same
 RIVAL_SHARE: Final = 0.5  # of the best's log Bayes factor: what has less is no rival
 SEARCH_CELLS: Final = 0.1  # sd of a refined shift per axis, in cells, and of a refined yaw
 SEARCH_RAD: Final = math.radians(0.1)
@@ -76,17 +77,26 @@ def _grid(name: str, map_: Map) -> GridMap:
 def _distinct(target: Prepared, source: Prepared, transforms: Sequence[Transform]) -> list[_Hypothesis]:
     """The best of each place, best first."""
     some = thinned(source.walls, ASKED_WALLS)
-    all_ = [_Hypothesis(T, meet(target, source, T), T.apply(some)) for T in transforms]
+    apart: list[tuple[Transform, Points]] = []
+    for T in transforms:
+        spots = T.apply(some)
+        if all(_mean_distance(spots, other) > SAME_M for _, other in apart):
+            apart.append((T, spots))
+    met = [_Hypothesis(T, meet(target, source, T), spots) for T, spots in apart]
     kept: list[_Hypothesis] = []
-    for one in sorted(all_, key=lambda h: -h.met.log_bayes_factor):
+    for one in sorted(met, key=lambda h: -h.met.log_bayes_factor):
         if not any(_same_place(one, other) for other in kept):
             kept.append(one)
     return kept
 
 
+def _mean_distance(a: Points, b: Points) -> float:
+    return float(np.hypot(*(a - b).T).mean())
+
+
 def _same_place(a: _Hypothesis, b: _Hypothesis) -> bool:
     turn = abs(math.remainder(a.T.yaw_rad - b.T.yaw_rad, 2.0 * math.pi))
-    return turn <= OTHER_YAW_RAD and float(np.hypot(*(a.spots - b.spots).T).mean()) <= OTHER_SHIFT_M
+    return turn <= OTHER_YAW_RAD and _mean_distance(a.spots, b.spots) <= OTHER_SHIFT_M
 
 
 def _told(target: Prepared, source: Prepared, found: Sequence[_Hypothesis], rank: int) -> Match:
@@ -100,6 +110,7 @@ def _told(target: Prepared, source: Prepared, found: Sequence[_Hypothesis], rank
         "overlap_cells": float(one.met.overlap),
         "occupied_agreement": float(one.met.occupied_agreement),
         "occupied_m": one.met.near_agreement * target.unit_m,
+        "rival": max(others) if others else 0.0,
         "rivals": float(sum(other >= RIVAL_SHARE * found[0].met.log_bayes_factor for other in others)),
         "resolution_m": target.unit_m,
     }

@@ -26,6 +26,7 @@ PER_YAW: Final = 10  # local maxima that are kept of each rotation
 KEPT: Final = 300  # of all rotations
 KEPT_FINER: Final = (100, 80, 80)  # on the levels below
 MOST_FOUND: Final = 24
+MOST_WITHIN: Final = 8  # within a narrow prior
 ONE_M: Final = 0.4  # poses this near each other end in one when they are refined
 ONE_RAD: Final = math.radians(3.0)
 COARSE_POINTS: Final = (4_000, 3_000)  # walls and free cells of the source that are looked at, at most
@@ -61,10 +62,9 @@ def search(target: Prepared, source: Prepared, gate: Gate | None = None) -> Pose
     one, every rotation and shift is looked at by FFT on coarse cells; within a narrow one all poses are tried.
     """
     if gate is not None and (tried := _within(target, source, gate)) is not None:
-        factor, (poses, step_rad) = FINEST, tried
-    else:
-        factor = coarse_factor(target, source)
-        poses, step_rad = _everywhere(target, source, factor, gate)
+        return _best(tried, ONE_M, ONE_RAD, MOST_WITHIN)
+    factor = coarse_factor(target, source)
+    poses, step_rad = _everywhere(target, source, factor, gate)
     kept = iter(KEPT_FINER)
     while factor > FINEST:
         factor, step_rad = max(FINEST, factor // 2), step_rad / 2.0
@@ -115,14 +115,14 @@ def _everywhere(target: Prepared, source: Prepared, factor: int, gate: Gate | No
     # a source far outside wraps around, onto where little of it meets the target: both places are then tried
     shape = tuple(scipy.fft.next_fast_len(max(n + reach, 2 * reach + 1), real=True) for n in coarse.on_wall.shape)
     half_turn = max(8, math.ceil(math.pi * source.radius_m / (STEP_CELLS * unit_m)))
-    yaws: NDArray[np.float64] = math.pi / half_turn * np.arange(half_turn)
+    yaws = math.pi / half_turn * np.arange(half_turn)
     if gate is not None:
         yaws = np.compress([gate.admits_line(yaw, math.pi / half_turn) for yaw in yaws], yaws)
     sample = sampled(source, CLEAR_CELLS * unit_m, COARSE_POINTS)
     still = scipy.fft.rfft2(np.stack((coarse.on_wall, coarse.on_free)), shape)
     found: list[NDArray[np.float64]] = [np.empty((0, 4))]
     for first in range(0, yaws.size, BATCH):
-        part = yaws[first : first + BATCH]
+        part = np.asarray(yaws[first : first + BATCH], np.float64)
         scores = scored(still, sample, part, unit_m, shape)
         for half, k in np.ndindex(2, part.size):
             places, values = peaks(scores[half, k], PER_YAW, 0.0)
@@ -158,16 +158,14 @@ def unwrapped(periodic: NDArray[np.float64], coarse: Level, reach: int, shape: t
     return _best(np.concatenate(out), 0.0, 0.0, KEPT)
 
 
-def _within(target: Prepared, source: Prepared, gate: Gate) -> tuple[Poses, float] | None:
+def _within(target: Prepared, source: Prepared, gate: Gate) -> Poses | None:
     """The scores of all poses within the gate, on the finest level; None when they are too many."""
     fine = level(target, FINEST)
-    step_rad = fine.unit_m / max(source.radius_m, fine.unit_m)
-    poses = gate.lattice(fine.unit_m, step_rad, DIRECT)
+    poses = gate.lattice(fine.unit_m, fine.unit_m / max(source.radius_m, fine.unit_m), DIRECT)
     if poses is None:
         return None
-    return _best(
-        _climbed(fine, sampled(source, CLEAR_CELLS * fine.unit_m, FINE_POINTS), poses, 0.0, 0), 0.0, 0.0, KEPT
-    ), step_rad
+    sample = sampled(source, CLEAR_CELLS * fine.unit_m, FINE_POINTS)
+    return _best(_climbed(fine, sample, poses, 0.0, 0), 0.0, 0.0, KEPT)
 
 
 def _climbed(fine: Level, sample: Sample, poses: Poses, step_rad: float, around: int) -> Poses:

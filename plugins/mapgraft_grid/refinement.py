@@ -14,7 +14,7 @@ from mapgraft_grid.kernels.refining import refine
 from mapgraft_grid.prepared import Prepared, prepare, thinned
 
 FINEST_M: Final = 0.05  # the field of a finer map is made at this resolution: walls are no sharper
-MOST_POINTS: Final = 600  # of each map
+MOST_POINTS: Final = 500  # of each map
 SIGMAS_CELLS: Final = (3.0, 1.5)  # scales of the robust loss, in cells of the coarser field
 STEPS: Final = 6  # of Gauss-Newton with each
 FAR_M: Final = 1.0  # distances are cut off here

@@ -251,7 +251,8 @@ def main() -> None:
     given = parser.parse_args()
     times(given.pairs)
     curve()
-    loss(given.loss)
+    if given.loss:
+        loss(given.loss)
 
 
 if __name__ == "__main__":

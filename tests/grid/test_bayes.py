@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mapgraft.contracts import Transform
-from mapgraft_grid.bayes import WEIGHTS, log_bayes_factor, log_bayes_factors, meet, meeting_table
+from mapgraft_grid.bayes import P_FREE, P_OCCUPIED, WEIGHTS, log_bayes_factor, log_bayes_factors, meet, meeting_table
 from mapgraft_grid.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
 from mapgraft_grid.kernels.meeting import mark, meeting
 from mapgraft_grid.prepared import prepare
@@ -27,7 +27,7 @@ def _classes(random: np.random.Generator) -> NDArray[np.uint8]:
 
 def test_two_maps_of_one_cell_are_likelier_to_agree() -> None:
     """BF = p₁p₂/π + (1 − p₁)(1 − p₂)/(1 − π) has mean 1 over what two unrelated cells can say."""
-    occupied, free = 0.98, 0.002
+    occupied, free = P_OCCUPIED, P_FREE
     table = log_bayes_factors(0.1)
     assert table[OCCUPIED, OCCUPIED] == pytest.approx(math.log(occupied**2 / 0.1 + (1 - occupied) ** 2 / 0.9))
     assert table[FREE, OCCUPIED] == pytest.approx(math.log(free * occupied / 0.1 + (1 - free) * (1 - occupied) / 0.9))
