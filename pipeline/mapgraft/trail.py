@@ -11,30 +11,33 @@ from mapgraft.contracts import Observation, Region
 class Stretch:
     """Some observations in a row. What they touched is united when it is first asked for, once for everybody."""
 
-    __slots__ = ("_meets", "_regions", "_touched", "observations")
+    __slots__ = ("_regions", "_touched", "observations")
 
     def __init__(self, observations: tuple[Observation, ...], regions: tuple[Region, ...]) -> None:
         self.observations = observations
         self._regions = regions
         self._touched: Region | None = None
-        self._meets: Callable[[Region], bool] | None = None
 
     def touched(self) -> Region:
         """The units that any of the observations touched."""
         if self._touched is None:
             self._touched = reduce(lambda a, b: a.union(b), self._regions)
-            self._meets = getattr(self._touched, "meets", None)  # of a MeetingRegion; to ask for one takes longer
         return self._touched
 
     def meets(self, region: Region) -> bool:
-        """Whether any of the observations touched the region."""
-        touched = self.touched()
-        if self._meets is not None:
-            return self._meets(region)
-        return len(touched.minus(region)) < len(touched)
+        """Whether any of the observations touched the region; often the latest one did, and nothing need be united."""
+        return _meet(self._regions[-1], region) or _meet(self.touched(), region)
 
     def __len__(self) -> int:
         return len(self.observations)
+
+
+def _meet(a: Region, b: Region) -> bool:
+    """Whether two regions have a unit in common."""
+    quick: Callable[[Region], bool] | None = getattr(
+        a, "meets", None
+    )  # of a MeetingRegion; to ask for one takes longer
+    return quick(b) if quick is not None else len(a.minus(b)) < len(a)
 
 
 class Trail:
