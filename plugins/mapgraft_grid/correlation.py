@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mapgraft.contracts import ConfigError, Map, MapError, Match, Points, Prior, Transform
-from mapgraft_grid.bayes import Meeting, meet
+from mapgraft_grid.bayes import Meeting, log_bayes_factors, meet, occupancy_prior
 from mapgraft_grid.certainty import Certainty, Lattice, certainty
 from mapgraft_grid.correlation_search import search
 from mapgraft_grid.gate import Gate
@@ -45,8 +45,9 @@ class Correlation:
 
     Evidence: ``agreement``, ``disagreement``, ``overlap_cells``, ``occupied_agreement`` in cells of ``resolution_m``,
     ``occupied_m``, the length of the walls that both maps have, ``rivals``, the number of other hypotheses with at
-    least half of the best one's L; with a covariance also ``sigma_max_m``, the greatest standard deviation of where the
-    common walls lie, and ``degenerate_dir_rad``, its direction in the target's frame in [0, π).
+    least half of the best one's L, ``occupancy_prior``, the π of L; with a covariance also ``sigma_max_m``, the
+    greatest standard deviation of where the common walls lie, and ``degenerate_dir_rad``, its direction in the target's
+    frame in [0, π).
     """
 
     def __init__(self, *, returned: int = 4) -> None:
@@ -82,7 +83,8 @@ def _distinct(target: Prepared, source: Prepared, transforms: Sequence[Transform
         spots = T.apply(some)
         if all(_mean_distance(spots, other) > SAME_M for _, other in apart):
             apart.append((T, spots))
-    met = [_Hypothesis(T, meet(target, source, T), spots) for T, spots in apart]
+    factors = log_bayes_factors(occupancy_prior(target, source))
+    met = [_Hypothesis(T, meet(target, source, T, factors), spots) for T, spots in apart]
     kept: list[_Hypothesis] = []
     for one in sorted(met, key=lambda h: -h.met.log_bayes_factor):
         if not any(_same_place(one, other) for other in kept):
@@ -112,6 +114,7 @@ def _told(target: Prepared, source: Prepared, found: Sequence[_Hypothesis], rank
         "occupied_m": one.met.near_agreement * target.unit_m,
         "rival": max(others) if others else 0.0,
         "rivals": float(sum(other >= RIVAL_SHARE * found[0].met.log_bayes_factor for other in others)),
+        "occupancy_prior": occupancy_prior(target, source),
         "resolution_m": target.unit_m,
     }
     bare = Match(one.T, score, score - max(others) if others else math.inf, evidence=evidence)

@@ -111,6 +111,11 @@ class OccupancyGrid:
         """The side of the cells on which other layers are placed."""
         return self._lattice.resolution_m
 
+    @property
+    def reach_m(self) -> tuple[float, float]:
+        """How far a beam counts that hit something, and one that did not."""
+        return self._reach_m
+
     def new_layer(self) -> GridLayer:
         return GridLayer(self._lattice, self._sensor_model, self._limits)
 

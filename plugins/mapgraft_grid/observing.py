@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final, NamedTuple, cast
 
 import numpy as np
@@ -31,6 +32,30 @@ _NO_BEAM_POSES: Final = np.zeros((0, 3))
 _MOST_LOOKS: Final = 1 << 31  # per layer, so that no count leaves uint32
 _STRAIGHT: Final = 1e-9  # sine up to which a ready-made map is not turned
 
+_Given = tuple[
+    NDArray[np.float64],
+    NDArray[np.float32],
+    NDArray[np.bool_],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    tuple[float, float, float],
+    tuple[float, float],
+]
+
+
+class Beams(NamedTuple):
+    """The beams of scans in cells: (n, 4) x0, y0, x1, y1, and (n,) rays.NO_BEAM, FREE_END or HIT_END."""
+
+    beams: NDArray[np.float64]
+    kinds: NDArray[np.uint8]
+
+
+_Kept = tuple[Observation, Lattice, tuple[float, float], Beams]
+_latest: dict[int, _Kept] = {}
+_MOST_KEPT: Final = 64  # scans
+_together: dict[tuple[object, ...], tuple[tuple[Observation, ...], Beams]] = {}
+_NO_BEAMS: Final = Beams(np.empty((0, 4)), np.empty(0, np.uint8))
+
 CountTable = NDArray[np.uint32]  # (101, 2) hits and misses for the values 0 … 100
 
 
@@ -52,6 +77,7 @@ def add_scan(layer: GridLayer, observation: Observation, scan: Scan, reach_m: tu
     seen = cells_of(scan, observation.T_map_sensor, lattice, reach_m)
     if isinstance(seen, int):
         raise MapError(_refusal(seen, observation))
+    _remember(observation, lattice, reach_m, Beams(seen.beams, seen.kinds))
     traces.add_pose(observation.T_map_base, layer.observations, lattice)
     layer.pool.count(seen.keys, seen.free, seen.hit)
     if traces.limits.rays_per_tile:
@@ -73,7 +99,19 @@ def cells_of(scan: Scan, T_map_sensor: Transform, lattice: Lattice, reach_m: tup
             f"{scan.hits.shape} and beam poses {None if poses is None else poses.shape}: its reader is wrong"
         )
     beams, kinds = np.empty((n, 4)), np.empty(n, np.uint8)
-    given = (
+    given = _given(scan, T_map_sensor, lattice, reach_m)
+    status, first, keys, free, hit = rays.cast(*given, 0, beams, kinds)
+    while first:  # a scan of thousands of cells across is drawn in bands
+        _, first, more_keys, more_free, more_hit = rays.cast(*given, first, beams, kinds)
+        keys = np.concatenate((keys, more_keys))
+        free, hit = np.concatenate((free, more_free)), np.concatenate((hit, more_hit))
+    return status if status != rays.OK else Seen(keys, free, hit, given[0], beams, kinds)
+
+
+def _given(scan: Scan, T_map_sensor: Transform, lattice: Lattice, reach_m: tuple[float, float]) -> _Given:
+    """A scan as the kernels take it."""
+    poses = scan.T_sensor_beam
+    return (
         _plain(scan.directions, np.float64),
         _plain(scan.ranges_m, np.float32),
         _plain(scan.hits, np.bool_),
@@ -82,12 +120,43 @@ def cells_of(scan: Scan, T_map_sensor: Transform, lattice: Lattice, reach_m: tup
         (lattice.resolution_m, lattice.anchor_m[0], lattice.anchor_m[1]),
         reach_m,
     )
-    status, first, keys, free, hit = rays.cast(*given, 0, beams, kinds)
-    while first:  # a scan of thousands of cells across is drawn in bands
-        _, first, more_keys, more_free, more_hit = rays.cast(*given, first, beams, kinds)
-        keys = np.concatenate((keys, more_keys))
-        free, hit = np.concatenate((free, more_free)), np.concatenate((hit, more_hit))
-    return status if status != rays.OK else Seen(keys, free, hit, given[0], beams, kinds)
+
+
+def beams_of(observations: Sequence[Observation], lattice: Lattice, reach_m: tuple[float, float]) -> Beams:
+    """The beams of some scans as they were counted, one after the other; what is no scan, or cannot be used, has none.
+
+    Those of the latest scans are kept, because every merge asks for them.
+    """
+    asked = (*map(id, observations), lattice, reach_m)
+    kept = _together.get(asked)
+    if kept is None or any(a is not b for a, b in zip(kept[0], observations, strict=True)):
+        parts = [_beams_of(observation, lattice, reach_m) for observation in observations]
+        beams = Beams(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True))) if parts else _NO_BEAMS
+        _together.clear()
+        kept = _together[asked] = (tuple(observations), beams)
+    return kept[1]
+
+
+def _beams_of(observation: Observation, lattice: Lattice, reach_m: tuple[float, float]) -> Beams:
+    kept = _latest.get(id(observation))
+    if kept is None or kept[0] is not observation or kept[1] != lattice or kept[2] != reach_m:
+        return _projected(observation, lattice, reach_m)
+    return kept[3]
+
+
+def _remember(observation: Observation, lattice: Lattice, reach_m: tuple[float, float], beams: Beams) -> None:
+    if len(_latest) >= _MOST_KEPT:
+        _latest.pop(next(iter(_latest)))
+    _latest[id(observation)] = (observation, lattice, reach_m, beams)
+
+
+def _projected(observation: Observation, lattice: Lattice, reach_m: tuple[float, float]) -> Beams:
+    scan = observation.payload
+    if not isinstance(scan, Scan):
+        return _NO_BEAMS
+    beams, kinds = np.empty((scan.ranges_m.size, 4)), np.empty(scan.ranges_m.size, np.uint8)
+    fits = rays.project(*_given(scan, observation.T_map_sensor, lattice, reach_m), beams, kinds)
+    return Beams(beams, kinds) if fits else _NO_BEAMS
 
 
 def replace_content(
@@ -180,7 +249,7 @@ def _tiled(message: GridMessage, table: CountTable, origin_cell: tuple[int, int]
 def _plain(array: NDArray[np.generic], dtype: type[Cell]) -> NDArray[Cell]:
     """The array itself, or a writable contiguous copy: a kernel is compiled anew for every other kind of array."""
     if array.dtype == dtype and array.flags.c_contiguous and array.flags.writeable:
-        return cast(NDArray[Cell], array)
+        return cast("NDArray[Cell]", array)
     return np.array(array, dtype, order="C")
 
 

@@ -87,12 +87,17 @@ def measurement_of(
         "dissimilar": float(known - similar),
         "occupied_agreement": float(table[1, 1]),
         "overlap_m2": overlap_m2,
-        "kappa": _kappa(table, known) if enough else math.nan,
+        "kappa": kappa(table) if enough else math.nan,
         "limit": LIMITS[subject],
     }
     return Measurement("similarity", similar / known if enough else math.nan, "1", known, "higher", details)
 
 
-def _kappa(table: NDArray[np.int64], known: int) -> float:
-    by_chance = int((table.sum(axis=0) * table.sum(axis=1)).sum()) / known**2
+def kappa(table: NDArray[np.int64]) -> float:
+    """Cohen's κ of (2, 2) counts: the agreement beyond what independent maps with as many free cells would have.
+
+    NaN when one class is all there is.
+    """
+    known = int(table.sum())
+    by_chance = int((table.sum(axis=0) * table.sum(axis=1)).sum()) / known**2 if known else 1.0
     return (int(np.trace(table)) / known - by_chance) / (1.0 - by_chance) if by_chance < 1.0 else math.nan

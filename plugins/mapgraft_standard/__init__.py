@@ -25,6 +25,13 @@ def register_acceptors(register: Register) -> None:
             "limits on score, margin, evidence and metrics; says ambiguous when two candidates pass",
         )
     )
+    register(
+        Descriptor(
+            "posterior",
+            "mapgraft_standard.posterior:Posterior",
+            "takes what is probably enough right, unless it is vetoed; says ambiguous in between",
+        )
+    )
 
 
 @hookimpl
@@ -34,6 +41,13 @@ def register_verifiers(register: Register) -> None:
             "thresholds",
             "mapgraft_standard.thresholds:Thresholds",
             "limits per metric and reversal, with patience before a revert and new support before a confirmation",
+        )
+    )
+    register(
+        Descriptor(
+            "sequential",
+            "mapgraft_standard.sequential:Sequential",
+            "sequential test on what is new since the merge, with stated error rates",
         )
     )
 

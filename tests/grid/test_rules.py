@@ -6,7 +6,7 @@ from mapgraft.contracts import MapMetadata
 from mapgraft.decision import Rule, facts_of, parse_rules
 from mapgraft.plugins import load_plugins
 from mapgraft.procedures import Workshop
-from mapgraft_grid.carpin import Carpin
+from mapgraft_grid.correlation import Correlation
 from mapgraft_grid.distance import Distance
 from mapgraft_grid.log_odds import LogOdds
 from mapgraft_grid.map_type import OccupancyGrid
@@ -23,7 +23,7 @@ def rules() -> dict[str, Rule]:
 def test_every_rule_names_installed_tools_and_parameters_they_take() -> None:
     workshop = Workshop(load_plugins())
     known, found = (workshop.tools(rule) for rule in rules().values())
-    assert isinstance(known.matcher, KnownPose) and isinstance(found.matcher, Carpin)
+    assert isinstance(known.matcher, KnownPose) and isinstance(found.matcher, Correlation)
     for tools in (known, found):
         assert isinstance(tools.fuser, LogOdds) and tools.fuser.quality == "windowed"
         assert isinstance(tools.metrics["similarity"], Similarity) and isinstance(tools.metrics["distance"], Distance)
@@ -36,18 +36,28 @@ def test_the_package_registers_what_it_has() -> None:
     assert {
         ("map type", "occupancy_grid"),
         ("matcher", "carpin"),
+        ("matcher", "correlation"),
         ("matcher", "known_pose"),
         ("fuser", "log_odds"),
         ("metric", "similarity"),
         ("metric", "distance"),
+        ("metric", "bayes_factor"),
+        ("metric", "contradiction"),
+        ("metric", "recall"),
+        ("metric", "rays"),
+        ("metric", "paths"),
+        ("metric", "posterior"),
+        ("metric", "news"),
         ("acceptor", "thresholds"),
+        ("acceptor", "posterior"),
         ("verifier", "thresholds"),
+        ("verifier", "sequential"),
     } <= ours
 
 
 def test_a_pose_that_somebody_knows_goes_first() -> None:
     by_priority = sorted(rules().values(), key=lambda rule: -rule.priority)
-    assert [rule.procedure.match.use for rule in by_priority] == ["known_pose", "carpin"]
+    assert [rule.procedure.match.use for rule in by_priority] == ["known_pose", "correlation"]
     assert by_priority[0].when["prior"] is True
     facts = facts_of(MapMetadata("occupancy_grid", 0.05), MapMetadata("occupancy_grid", 0.5))
     low = by_priority[1].when["resolution_ratio"]

@@ -34,7 +34,7 @@ def _snapped(cells: float) -> float:
 
 
 @njit(cache=True)
-def _project(
+def project(
     directions: NDArray[np.float64],
     ranges_m: NDArray[np.float32],
     hits: NDArray[np.bool_],
@@ -224,7 +224,7 @@ def cast(
     free and the hit cells (k, 64): one word per row, lowest bit = lowest x.
     """
     status, box, height = OK, (0, 0, 0), 0
-    if not _project(directions, ranges_m, hits, beam_poses, T_map_sensor, lattice, reach, beams, kinds):
+    if not project(directions, ranges_m, hits, beam_poses, T_map_sensor, lattice, reach, beams, kinds):
         status = OUT_OF_REACH
     else:
         base_x, base_y, width, height = _tile_box(beams, kinds)

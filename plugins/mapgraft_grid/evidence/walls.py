@@ -1,0 +1,77 @@
+"""Whether the walls of two maps are where the other has walls: contradiction and recall."""
+
+from __future__ import annotations
+
+import math
+
+from mapgraft.contracts import Comparison, Measurement, Step
+from mapgraft_grid.evidence.joint import BLOCK_M, Standing, standing_of
+
+
+class Contradiction:
+    """The share of both maps' walls that lie in free space of the other, more than 0.25 m from any wall of it.
+
+    The value is NaN without any wall where both maps know something. The support is the number of blocks of 0.25 m that
+    hold such walls. Details: ``own_m`` and ``donor_m``, the length of the walls of either that are contradicted;
+    ``good_patches`` and ``bad_patches``, how many patches of 2 m speak for and against.
+    """
+
+    def track(self, comparison: Comparison) -> _ContradictionTracker:
+        return _ContradictionTracker(comparison)
+
+
+class Recall:
+    """The share of both maps' walls that have a wall of the other within 0.25 m, where both maps know something.
+
+    The value is NaN without any wall there. The support is the number of blocks of 0.25 m that hold walls. Details:
+    ``own`` and ``donor``, the share of either; ``common_m``, the length of the walls that both have, and ``own_m`` and
+    ``donor_m``, that of all walls there.
+    """
+
+    def track(self, comparison: Comparison) -> _RecallTracker:
+        return _RecallTracker(comparison)
+
+
+class _ContradictionTracker:
+    __slots__ = ("_comparison",)
+
+    def __init__(self, comparison: Comparison) -> None:
+        self._comparison = comparison
+
+    def update(self, step: Step) -> Measurement:
+        found = standing_of(self._comparison, "contradiction")
+        details = {
+            "own_m": found.against_m[0],
+            "donor_m": found.against_m[1],
+            "good_patches": float(found.good),
+            "bad_patches": float(found.bad),
+        }
+        value = _share(sum(found.against_m), sum(found.walls_m))
+        return Measurement("contradiction", value, "1", _blocks(found), "lower", details)
+
+
+class _RecallTracker:
+    __slots__ = ("_comparison",)
+
+    def __init__(self, comparison: Comparison) -> None:
+        self._comparison = comparison
+
+    def update(self, step: Step) -> Measurement:
+        found = standing_of(self._comparison, "recall")
+        details = {
+            "own": _share(found.near_m[0], found.walls_m[0]),
+            "donor": _share(found.near_m[1], found.walls_m[1]),
+            "common_m": sum(found.near_m) / 2.0,
+            "own_m": found.walls_m[0],
+            "donor_m": found.walls_m[1],
+        }
+        value = _share(sum(found.near_m), sum(found.walls_m))
+        return Measurement("recall", value, "1", _blocks(found), "higher", details)
+
+
+def _share(part_m: float, whole_m: float) -> float:
+    return part_m / whole_m if whole_m > 0.0 else math.nan
+
+
+def _blocks(found: Standing) -> int:
+    return round(sum(found.walls_m) / BLOCK_M)

@@ -1,0 +1,81 @@
+"""Accepting a candidate when it is probably enough right."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from mapgraft.contracts import Candidate, ConfigError, Decision, PluginError
+from mapgraft_standard.limits import Check, limits_of
+
+
+class Posterior:
+    """Takes the candidate that is most probably right, if its probability is at least ``provisional``.
+
+    The probability is what the metric ``metric`` measures, which ``metrics`` must name; one that it cannot tell is 0.
+    Below ``provisional`` and from ``ambiguous`` on the verdict is ``ambiguous``, and so it is when a second candidate
+    is that probable: one of them is wrong. Limits on further ``metrics`` (``{name: {min, max, support_min, details:
+    {name: {min, max}}}}``) are vetoes: a candidate that breaks one is out; what cannot be measured breaks none.
+    """
+
+    def __init__(
+        self,
+        *,
+        provisional: float = 0.99,
+        ambiguous: float = 0.5,
+        metric: str = "posterior",
+        metrics: Mapping[str, Any] | None = None,
+    ) -> None:
+        if not 0.0 < ambiguous <= provisional < 1.0:
+            raise ConfigError(
+                "acceptor posterior needs 0 < ambiguous <= provisional < 1 (probabilities), found "
+                f"ambiguous={ambiguous}, provisional={provisional}"
+            )
+        self.provisional = provisional
+        self.ambiguous = ambiguous
+        self.metric = metric
+        self.vetoes = limits_of({n: o for n, o in (metrics or {}).items() if n != metric or o}, "acceptor posterior")
+
+    def accept(self, candidates: Sequence[Candidate]) -> Decision:
+        """Provisional, ambiguous or unmatched, with the probabilities and vetoes that made it so."""
+        if not candidates:
+            return Decision("unmatched", None, "the matcher found no hypothesis")
+        vetoes = [self._vetoes(candidate) for candidate in candidates]
+        probable = [
+            0.0 if said else self._probability(candidate) for candidate, said in zip(candidates, vetoes, strict=True)
+        ]
+        ranked = sorted(range(len(candidates)), key=lambda n: -probable[n])
+        chosen = ranked[0]
+        said = f"candidate {chosen + 1} of {len(candidates)} is right with probability {_shown(probable[chosen])}"
+        faults = "".join(f"; candidate {n + 1}: {why.text}" for n, made in enumerate(vetoes) for why in made)
+        if probable[chosen] < self.ambiguous:
+            return Decision("unmatched", None, f"{said} < {self.ambiguous:g}{faults}")
+        if probable[chosen] < self.provisional:
+            return Decision("ambiguous", None, f"{said} < {self.provisional:g}{faults}")
+        rival = ranked[1] if len(ranked) > 1 else None
+        if rival is not None and probable[rival] >= self.ambiguous:
+            return Decision(
+                "ambiguous", None, f"{said}, and candidate {rival + 1} with {_shown(probable[rival])}{faults}"
+            )
+        return Decision("provisional", chosen, f"{said} ≥ {self.provisional:g}{faults}")
+
+    def _probability(self, candidate: Candidate) -> float:
+        if self.metric not in candidate.measurements:
+            raise PluginError(f"the metric {self.metric} was not measured: an acceptor must get what its rule names")
+        value = candidate.measurements[self.metric].value
+        return 0.0 if math.isnan(value) else value
+
+    def _vetoes(self, candidate: Candidate) -> list[Check]:
+        """The limits that a candidate breaks."""
+        out = []
+        for name, limit in self.vetoes.items():
+            if name not in candidate.measurements:
+                raise PluginError(f"the metric {name} was not measured: an acceptor must get what its rule names")
+            out += [check for check in limit.checks(candidate.measurements[name]) if check.passed is False]
+        return out
+
+
+def _shown(probability: float) -> str:
+    """A probability with the digits in which those near 1 differ."""
+    return f"{probability:.3g}" if probability < 0.99 else f"1 - {1.0 - probability:.2g}"

@@ -1,0 +1,130 @@
+"""Verifying a merge by a sequential test on what is new since it was made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from mapgraft.contracts import ConfigError, Measurement, Sample, Verdict
+from mapgraft_standard.limits import mapping_of
+
+REVERSALS = ("ledger", "multi_map", "single_map")
+
+
+class Sequential:
+    """Wald's sequential probability ratio test of a merge, on evidence that its transform was not chosen on.
+
+    The metric ``news`` tells how many independent pieces of new evidence speak for the merge (its detail ``agreed``)
+    and ``against`` it. A piece is against a right merge with probability ``against_right`` and against a wrong one with
+    ``against_wrong``, so that each moves the log-odds Λ that the merge is wrong. Λ starts from what the metric
+    ``prior`` (a probability that the merge is right) said at the merge, but no surer than ``prior_max`` nats. The merge
+    is reverted when Λ ≥ log((1 - false_confirm) / false_revert), and confirmed when Λ ≤ log(false_confirm / (1 -
+    false_revert)) and at least ``new_m`` metres of new walls agree, because confirming needs new evidence.
+
+    A confirmed merge is watched on; it is reverted only when what speaks against it lies in at least ``places`` patches
+    (the detail ``places``): a shut door or a person is no wrong merge. A merge is also reverted when ``prior``,
+    measured again on the maps as they have become, is below ``revert_below``.
+
+    ``confirm`` false never confirms; ``reversals`` replaces it under a reversal, because a merged map agrees with a
+    donor that it contains: ``{single_map: {confirm: false}}``.
+
+    Source: A. Wald, Sequential tests of statistical hypotheses, Annals of Mathematical Statistics 16 (1945).
+    """
+
+    def __init__(
+        self,
+        *,
+        news: str = "news",
+        prior: str = "posterior",
+        false_revert: float = 0.001,
+        false_confirm: float = 0.001,
+        against_right: float = 0.1,
+        against_wrong: float = 0.5,
+        prior_max: float = 6.0,
+        new_m: float = 2.0,
+        places: int = 3,
+        revert_below: float = 0.1,
+        confirm: bool = True,
+        reversals: Mapping[str, Mapping[str, Any]] | None = None,
+    ) -> None:
+        shares = (false_revert, false_confirm, against_right, against_wrong)
+        if not all(0.0 < share < 1.0 for share in shares) or against_right >= against_wrong:
+            raise ConfigError(
+                "verifier sequential needs false_revert, false_confirm and against_right < against_wrong in (0, 1), "
+                f"found {false_revert=}, {false_confirm=}, {against_right=}, {against_wrong=}"
+            )
+        if prior_max < 0.0 or new_m < 0.0 or places < 1 or not 0.0 <= revert_below < 1.0:
+            raise ConfigError(
+                "verifier sequential needs prior_max >= 0, new_m >= 0, places >= 1 and revert_below in [0, 1), found "
+                f"{prior_max=}, {new_m=}, {places=}, {revert_below=}"
+            )
+        self.news, self.prior = news, prior
+        self.upper = math.log((1.0 - false_confirm) / false_revert)
+        self.lower = math.log(false_confirm / (1.0 - false_revert))
+        self.if_against = math.log(against_wrong / against_right)
+        self.if_agreed = math.log((1.0 - against_wrong) / (1.0 - against_right))
+        self.prior_max, self.new_m, self.places, self.revert_below = prior_max, new_m, places, revert_below
+        self.confirms = dict.fromkeys(REVERSALS, confirm) | _confirms(reversals or {})
+
+    def verify(self, history: Sequence[Sample], reversal: str) -> Verdict:
+        """Keep, confirm or revert, with the numbers that made it so."""
+        if not history:
+            return Verdict("keep", "nothing has been measured yet")
+        latest, news = history[-1], history[-1].measurements.get(self.news)
+        if (fallen := self._fallen(history)) is not None:
+            return Verdict("revert", fallen)
+        if news is None or not news.support:
+            return Verdict("keep", "no new evidence yet")
+        agreed, against, places = (_detail(news, name) for name in ("agreed", "against", "places"))
+        start = self._start(history[0])
+        wrong = start + against * self.if_against + agreed * self.if_agreed
+        new_m = news.details.get("agreed_m", math.inf)
+        said = (
+            f"log-odds of being wrong {wrong:.2f} (from {start:.2f}) after {news.support} new pieces of evidence, "
+            f"{against:g} of them against it in {places:g} places"
+        )
+        if wrong >= self.upper:
+            if latest.state == "confirmed" and places < self.places:
+                return Verdict(
+                    "keep", f"{said}: what is against a confirmed merge is in less than {self.places} places"
+                )
+            return Verdict("revert", f"{said}: at least {self.upper:.2f}")
+        if wrong > self.lower:
+            return Verdict("keep", f"{said}; between {self.lower:.2f} and {self.upper:.2f}")
+        if new_m < self.new_m:
+            return Verdict("keep", f"{said}; {new_m:.1f} of {self.new_m:g} m of new walls agree")
+        if not self.confirms.get(reversal, False):
+            return Verdict("keep", f"{said}; the rule never confirms what it sees here")
+        return Verdict("confirm", f"{said}: at most {self.lower:.2f}; {new_m:.1f} m of new walls agree")
+
+    def _start(self, first: Sample) -> float:
+        """The log-odds of being wrong with which the test starts."""
+        prior = first.measurements.get(self.prior)
+        if prior is None or not prior.sufficient:
+            return 0.0
+        right = min(max(prior.value, 1e-12), 1.0 - 1e-12)
+        return max(-self.prior_max, min(self.prior_max, -math.log(right / (1.0 - right))))
+
+    def _fallen(self, history: Sequence[Sample]) -> str | None:
+        """Why the merge is no longer probable, if it is so."""
+        latest = history[-1].measurements.get(self.prior) if len(history) > 1 else None
+        if latest is None or not latest.value < self.revert_below:
+            return None
+        return f"{self.prior} {latest.value:.3g} < {self.revert_below:g} on the maps as they are now"
+
+
+def _detail(news: Measurement, name: str) -> float:
+    return news.details.get(name, 0.0)
+
+
+def _confirms(reversals: Mapping[str, Mapping[str, Any]]) -> dict[str, bool]:
+    out = {}
+    for name, options in mapping_of(reversals, "verifier sequential, reversals").items():
+        given = mapping_of(options, f"verifier sequential, {name}")
+        if name not in REVERSALS or set(given) != {"confirm"} or not isinstance(given["confirm"], bool):
+            raise ConfigError(
+                f"verifier sequential takes confirm true or false for {', '.join(REVERSALS)}, found {name}: {given}"
+            )
+        out[name] = given["confirm"]
+    return out

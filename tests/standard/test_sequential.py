@@ -1,0 +1,120 @@
+"""The sequential test of a merge: its verdicts, and that its error rates are what it says."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mapgraft.contracts import ConfigError, Measurement, Sample
+from mapgraft_standard.sequential import Sequential
+
+
+def sample(
+    agreed: int = 0,
+    against: int = 0,
+    places: int | None = None,
+    posterior: float = math.nan,
+    state: Literal["provisional", "confirmed"] = "provisional",
+) -> Sample:
+    spoke = agreed + against
+    details = {
+        "agreed": float(agreed),
+        "against": float(against),
+        "agreed_m": 0.5 * agreed,
+        "places": float(against if places is None else places),
+    }
+    news = Measurement("news", against / spoke if spoke else math.nan, "1", spoke, "lower", details)
+    return Sample(0, 0, {"news": news, "posterior": Measurement("posterior", posterior, "1", 9, "higher")}, state)
+
+
+@pytest.mark.parametrize(
+    ("agreed", "against", "action"),
+    [(0, 0, "keep"), (5, 1, "keep"), (60, 2, "confirm"), (0, 12, "revert"), (12, 12, "revert"), (3, 3, "keep")],
+)
+def test_verdict_follows_the_evidence(agreed: int, against: int, action: str) -> None:
+    verdict = Sequential().verify([sample(posterior=0.5), sample(agreed, against)], "ledger")
+    assert verdict.action == action
+    assert verdict.reason
+
+
+def test_without_new_evidence_it_stays_as_it_is_and_says_so() -> None:
+    verdict = Sequential().verify([sample(posterior=0.9999)] * 3, "ledger")
+    assert (verdict.action, verdict.reason) == ("keep", "no new evidence yet")
+
+
+def test_a_sure_start_needs_less_and_still_something_new() -> None:
+    verifier = Sequential(prior_max=9.0)
+    sure, unsure = sample(posterior=1.0), sample(posterior=0.9)
+    assert verifier.verify([sure, sample(agreed=3)], "ledger").action == "keep"  # 1.5 of 2 m
+    assert verifier.verify([sure, sample(agreed=4)], "ledger").action == "confirm"
+    assert verifier.verify([unsure, sample(agreed=4)], "ledger").action == "keep"
+    assert verifier.verify([unsure, sample(agreed=9)], "ledger").action == "confirm"
+
+
+def test_a_confirmed_merge_is_watched_on() -> None:
+    start = sample(posterior=0.99)
+    one_place, three = sample(4, 12, 1, state="confirmed"), sample(4, 12, 3, state="confirmed")
+    assert Sequential().verify([start, one_place], "ledger").action == "keep"
+    assert Sequential().verify([start, three], "ledger").action == "revert"
+    assert Sequential().verify([start, sample(4, 12, 1)], "ledger").action == "revert"  # while it is provisional
+
+
+def test_a_merge_that_is_no_longer_probable_goes() -> None:
+    start = sample(posterior=0.999)
+    assert "on the maps as they are now" in Sequential().verify([start, sample(posterior=0.02)], "ledger").reason
+    assert Sequential().verify([start, sample(posterior=0.02)], "ledger").action == "revert"
+    assert Sequential().verify([start, sample(posterior=0.2)], "ledger").action == "keep"
+    assert Sequential().verify([sample(posterior=0.02)], "ledger").action == "keep"  # as accepted, by whomever
+
+
+def test_what_holds_the_donor_itself_may_be_left_unconfirmed() -> None:
+    verifier = Sequential(reversals={"single_map": {"confirm": False}})
+    seen = [sample(posterior=0.999), sample(agreed=50)]
+    assert verifier.verify(seen, "ledger").action == "confirm"
+    assert verifier.verify(seen, "single_map").action == "keep"
+
+
+@given(st.integers(0, 60), st.integers(0, 60), st.floats(0.0, 1.0))
+def test_more_against_never_helps(agreed: int, against: int, posterior: float) -> None:
+    order = {"confirm": 0, "keep": 1, "revert": 2}
+    start = sample(posterior=posterior)
+    verdicts = [Sequential().verify([start, sample(agreed, n)], "ledger").action for n in (against, against + 1)]
+    assert order[verdicts[0]] <= order[verdicts[1]]
+
+
+@pytest.mark.parametrize(("share", "error"), [(0.1, "revert"), (0.5, "confirm")])
+def test_stated_error_rates_hold(share: float, error: str) -> None:
+    """Wald's bounds: of right merges at most false_revert are reverted, of wrong ones false_confirm confirmed."""
+    verifier = Sequential(false_revert=0.02, false_confirm=0.02, new_m=0.0)
+    random = np.random.default_rng(7)
+    wrong_way = 0
+    for _ in range(1000):
+        agreed = against = 0
+        for is_against in random.random(400) < share:
+            against, agreed = against + int(is_against), agreed + int(not is_against)
+            action = verifier.verify([sample(), sample(agreed, against)], "ledger").action
+            if action != "keep":
+                wrong_way += action == error
+                break
+    assert wrong_way <= 32  # 20 are expected at most; three standard deviations more
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"against_right": 0.6},
+        {"false_revert": 0.0},
+        {"places": 0},
+        {"prior_max": -1.0},
+        {"reversals": {"nothing": {"confirm": False}}},
+        {"reversals": {"ledger": {"patience": 3}}},
+    ],
+)
+def test_impossible_parameters_are_refused(options: dict[str, object]) -> None:
+    with pytest.raises(ConfigError, match="verifier sequential"):
+        Sequential(**options)
