@@ -12,26 +12,36 @@ from mapgraft.contracts import Transform
 from mapgraft_grid.kernels.meeting import meeting
 from mapgraft_grid.prepared import Prepared
 
-OCCUPANCY_PRIOR: Final = 0.1  # share of walls in what indoor grids know at 0.1 m, with what touches them
 P_FREE: Final = 0.0005
 P_OCCUPIED: Final = 0.995
 P_BESIDE: Final = 0.3  # free and touching an occupied cell: walls are blurred by a cell
 P_BEHIND: Final = 0.86  # unknown and touching one: nobody looks through a wall
+LEAST_PRIOR: Final = 0.02
+MOST_PRIOR: Final = 0.5
+
+_OF_MARKS: Final = np.array([P_FREE, P_OCCUPIED, P_BESIDE, P_BEHIND])
+
+Factors = NDArray[np.float64]  # (5, 5) log BF in nats, rows the target's mark, columns the source's
 
 
-def log_bayes_factors(prior: float = OCCUPANCY_PRIOR) -> NDArray[np.float64]:
-    """What one cell tells when mark i of the target meets mark j of the source, (5, 5) in nats.
+def occupancy_prior(target: Prepared, source: Prepared) -> float:
+    """The mean occupancy of what the two grids know, walls and what touches them included: what two unrelated cells of
+    such maps have in common by chance."""
+    counts = (target.mark_counts + source.mark_counts)[1:]
+    mean = float(counts @ _OF_MARKS) / float(counts.sum())
+    return min(max(mean, LEAST_PRIOR), MOST_PRIOR)
+
+
+def log_bayes_factors(prior: float) -> Factors:
+    """What one cell tells when mark i of the target meets mark j of the source, in nats.
 
     BF = p₁p₂/π + (1 − p₁)(1 − p₂)/(1 − π), with the marks of ``prepared`` read as occupancies; unknown ones say π, so
     that they tell nothing.
     """
-    p = np.array([prior, P_FREE, P_OCCUPIED, P_BESIDE, P_BEHIND])
-    out: NDArray[np.float64] = np.log(np.outer(p, p) / prior + np.outer(1.0 - p, 1.0 - p) / (1.0 - prior))
+    p = np.concatenate(([prior], _OF_MARKS))
+    out: Factors = np.log(np.outer(p, p) / prior + np.outer(1.0 - p, 1.0 - p) / (1.0 - prior))
     out[0] = out[:, 0] = 0.0
     return out
-
-
-WEIGHTS: Final = log_bayes_factors()
 
 
 class Meeting(NamedTuple):
@@ -51,19 +61,21 @@ class Meeting(NamedTuple):
 def log_bayes_factor(target: Prepared, source: Prepared, T_target_source: Transform) -> float:
     """L = Σ log BF over the cells of the source, in nats: positive where both grids see the same, negative else.
 
-    H₁: both grids observe the same cell. H₀: they observe unrelated cells of a world in which a tenth is wall. Both
-    grids must have been prepared at one resolution.
+    H₁: both grids observe the same cells. H₀: they observe unrelated cells of worlds with as much wall as these two
+    have (``occupancy_prior``). Both grids must have been prepared at one resolution.
     """
     return meet(target, source, T_target_source).log_bayes_factor
 
 
-def meet(target: Prepared, source: Prepared, T_target_source: Transform) -> Meeting:
-    """All counts of a placement, and its log Bayes factor."""
+def meet(target: Prepared, source: Prepared, T_target_source: Transform, factors: Factors | None = None) -> Meeting:
+    """All counts of a placement, and its log Bayes factor; ``factors`` are the pair's, where they are at hand."""
     table = meeting_table(target, source, T_target_source)
     free = table[np.ix_((1, 3), (1, 3))].sum()
     against = table[2, (1, 3)].sum() + table[(1, 3), 2].sum()
     near = table[2:, 2].sum()
-    total = math.fsum((table * WEIGHTS).ravel().tolist())
+    if factors is None:
+        factors = log_bayes_factors(occupancy_prior(target, source))
+    total = math.fsum((table * factors).ravel().tolist())
     return Meeting(total, int(free + table[2, 2]), int(against), int(table[2, 2]), int(near))
 
 

@@ -10,7 +10,7 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from mapgraft.contracts import Points
-from mapgraft_grid.bayes import WEIGHTS
+from mapgraft_grid.bayes import log_bayes_factors, occupancy_prior
 from mapgraft_grid.gate import Gate
 from mapgraft_grid.grid_map import OCCUPIED
 from mapgraft_grid.kernels.correlating import climb, fields, multiply, peaks, splat
@@ -41,6 +41,7 @@ Poses = NDArray[np.float64]
 class Level(NamedTuple):
     """What walls and free cells of a source tell on the target, on cells of one size."""
 
+    prior: float
     unit_m: float
     origin_m: NDArray[np.float64]
     on_wall: NDArray[np.float32]
@@ -68,23 +69,23 @@ def search(target: Prepared, source: Prepared, gate: Gate | None = None) -> Pose
     kept = iter(KEPT_FINER)
     while factor > FINEST:
         factor, step_rad = max(FINEST, factor // 2), step_rad / 2.0
-        fine = level(target, factor)
+        fine = level(target, occupancy_prior(target, source), factor)
         sample = sampled(source, CLEAR_CELLS * fine.unit_m, FINE_POINTS)
         poses = _best(_climbed(fine, sample, poses, step_rad, 1), fine.unit_m, step_rad, next(kept, MOST_FOUND))
     return _best(poses, ONE_M, ONE_RAD, MOST_FOUND)
 
 
-def level(target: Prepared, factor: int) -> Level:
-    """The target's fields on cells ``factor`` times the canonical ones; made once."""
+def level(target: Prepared, prior: float, factor: int) -> Level:
+    """The target's fields on cells ``factor`` times the canonical ones; the last of each factor is kept."""
     key = ("level", factor)
-    if key not in target.kept:
-        wall, free = WEIGHTS[:, OCCUPIED].copy(), WEIGHTS[:, 1].copy()
-        target.kept[key] = Level(
-            factor * target.unit_m, target.origin_m, *fields(target.marks, factor, wall, free, RING)
-        )
-    found = target.kept[key]
-    assert isinstance(found, Level)
-    return found
+    kept = target.kept.get(key)
+    if not isinstance(kept, Level) or kept.prior != prior:
+        factors = log_bayes_factors(prior)
+        wall, free = factors[:, OCCUPIED].copy(), factors[:, 1].copy()
+        on_wall, on_free = fields(target.marks, factor, wall, free, RING)
+        kept = Level(prior, factor * target.unit_m, target.origin_m, on_wall, on_free)
+        target.kept[key] = kept
+    return kept
 
 
 def coarse_factor(target: Prepared, source: Prepared) -> int:
@@ -110,7 +111,7 @@ def sampled(source: Prepared, clear_m: float, most: tuple[int, int]) -> Sample:
 
 def _everywhere(target: Prepared, source: Prepared, factor: int, gate: Gate | None) -> tuple[Poses, float]:
     """The best local maxima over all rotations and shifts, and the step of rotation."""
-    coarse = level(target, factor)
+    coarse = level(target, occupancy_prior(target, source), factor)
     unit_m, reach = coarse.unit_m, math.ceil(source.radius_m / coarse.unit_m) + 1
     # a source far outside wraps around, onto where little of it meets the target: both places are then tried
     shape = tuple(scipy.fft.next_fast_len(max(n + reach, 2 * reach + 1), real=True) for n in coarse.on_wall.shape)
@@ -160,7 +161,7 @@ def unwrapped(periodic: NDArray[np.float64], coarse: Level, reach: int, shape: t
 
 def _within(target: Prepared, source: Prepared, gate: Gate) -> Poses | None:
     """The scores of all poses within the gate, on the finest level; None when they are too many."""
-    fine = level(target, FINEST)
+    fine = level(target, occupancy_prior(target, source), FINEST)
     poses = gate.lattice(fine.unit_m, fine.unit_m / max(source.radius_m, fine.unit_m), DIRECT)
     if poses is None:
         return None

@@ -46,6 +46,14 @@ class Prepared:
         found: Marks = np.asarray(self.kept["marks"])
         return found
 
+    @property
+    def mark_counts(self) -> NDArray[np.int64]:
+        """How many cells have each mark (5,)."""
+        if "mark counts" not in self.kept:
+            self.kept["mark counts"] = np.bincount(self.marks.ravel(), minlength=5).astype(np.int64)
+        found: NDArray[np.int64] = np.asarray(self.kept["mark counts"])
+        return found
+
     def free_clear_of_walls(self, cells: int) -> Points:
         """The centres (m, 2) of the free cells more than so many cells from any wall, along x or y; not kept."""
         import cv2

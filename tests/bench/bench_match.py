@@ -29,7 +29,7 @@ from simulated_missions import map_of, missions
 
 from mapgraft.contracts import GRID_MESSAGE, SCAN, GridMessage, Observation, Prior, Scan, Transform
 from mapgraft_grid import correlation_search as searching
-from mapgraft_grid.bayes import meet
+from mapgraft_grid.bayes import meet, occupancy_prior
 from mapgraft_grid.correlation import Correlation
 from mapgraft_grid.grid_map import OCCUPIED, GridMap
 from mapgraft_grid.kernels.correlating import peaks
@@ -202,7 +202,7 @@ def curve() -> None:
 
 def exhaustive(target: Prepared, source: Prepared) -> NDArray[np.float64]:
     """The best poses of 360 rotations and all shifts on the finest level; no sampling, no wrapping around."""
-    fine = searching.level(target, searching.FINEST)
+    fine = searching.level(target, occupancy_prior(target, source), searching.FINEST)
     sample = searching.sampled(source, searching.CLEAR_CELLS * fine.unit_m, (10**6, 10**6))
     reach = math.ceil(source.radius_m / fine.unit_m) + 1
     shape = tuple(scipy.fft.next_fast_len(n + 2 * reach, real=True) for n in fine.on_wall.shape)

@@ -12,7 +12,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mapgraft.contracts import Transform
-from mapgraft_grid.bayes import P_FREE, P_OCCUPIED, WEIGHTS, log_bayes_factor, log_bayes_factors, meet, meeting_table
+from mapgraft_grid.bayes import (
+    P_FREE,
+    P_OCCUPIED,
+    log_bayes_factor,
+    log_bayes_factors,
+    meet,
+    meeting_table,
+    occupancy_prior,
+)
 from mapgraft_grid.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
 from mapgraft_grid.kernels.meeting import mark, meeting
 from mapgraft_grid.prepared import prepare
@@ -71,8 +79,9 @@ def test_a_map_on_itself_agrees_everywhere(grid_map_of: MakeMap) -> None:
     met = meet(side, side, Transform.identity())
     assert (met.agreement, met.disagreement) == (np.count_nonzero(classes), 0)
     assert met.occupied_agreement == met.near_agreement == np.count_nonzero(classes == OCCUPIED)
+    factors = log_bayes_factors(occupancy_prior(side, side))
     diagonal = np.diag(meeting_table(side, side, Transform.identity()))
-    assert met.log_bayes_factor == pytest.approx(float((diagonal * np.diag(WEIGHTS)).sum()))
+    assert met.log_bayes_factor == pytest.approx(float((diagonal * np.diag(factors)).sum()))
     assert met.overlap == np.count_nonzero(classes)
 
 

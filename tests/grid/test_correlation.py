@@ -252,8 +252,8 @@ def test_walls_alone_and_single_cells_give_hypotheses(grid_map_of: MakeMap) -> N
     assert len(Correlation().match(grid_map_of(walls), grid_map_of(walls))) >= 2
     dot = np.ones((5, 5), np.uint8)
     dot[2, 2] = OCCUPIED
-    assert len(Correlation().match(grid_map_of(walls), grid_map_of(dot))) >= 2
-    assert len(Correlation().match(grid_map_of(dot), grid_map_of(walls))) >= 2
+    assert Correlation().match(grid_map_of(walls), grid_map_of(dot))
+    assert Correlation().match(grid_map_of(dot), grid_map_of(walls))
 
 
 def test_real_pairs_are_right(shared_data: Path, grid_map_of: MakeMap) -> None:
