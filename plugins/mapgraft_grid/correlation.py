@@ -46,11 +46,11 @@ class Correlation:
     other hypothesis. Never a reflection. A prior restricts the search to 3.5 of its standard deviations and a little
     more (``gate``); the margin is then over what was searched.
 
-    Evidence: ``agreement``, ``disagreement``, ``overlap_cells``, ``occupied_agreement`` in cells of ``resolution_m``,
-    ``occupied_m``, the length of the walls that both maps have, ``rival``, the L of the best other hypothesis (0 without
-    one), ``rivals``, the number of others with at least half of the best one's L, ``occupancy_prior``, the π of L; with a covariance also ``sigma_max_m``, the
-    greatest standard deviation of where the common walls lie, and ``degenerate_dir_rad``, its direction in the target's
-    frame in [0, π).
+    Evidence: ``agreement``, ``disagreement``, ``overlap_cells``, ``occupied_agreement`` in cells of ``resolution_m``;
+    ``occupied_m``, the length of the walls that both maps have; ``rival``, the L of the best other hypothesis (0
+    without one), and ``rivals``, the number of others with at least half of the best L; ``occupancy_prior``, the π of L;
+    with a covariance also ``sigma_max_m``, the greatest standard deviation of where the common walls lie, and
+    ``degenerate_dir_rad``, its direction in the target's frame in [0, π).
     """
 
     def __init__(self, *, returned: int = 4) -> None:
