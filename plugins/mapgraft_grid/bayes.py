@@ -84,5 +84,6 @@ def meeting_table(target: Prepared, source: Prepared, T: Transform) -> NDArray[n
     ratio = source.unit_m / target.unit_m
     cosine, sine = ratio * math.cos(T.yaw_rad), ratio * math.sin(T.yaw_rad)
     shift = (T.apply(source.origin_m[None])[0] - target.origin_m) / target.unit_m
-    out: NDArray[np.int64] = meeting(target.marks, source.marks, cosine, sine, shift[0], shift[1])
+    cells, marks = source.marked_cells
+    out: NDArray[np.int64] = meeting(target.marks, cells, marks, cosine, sine, shift[0], shift[1])
     return out

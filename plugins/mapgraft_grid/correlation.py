@@ -48,8 +48,8 @@ class Correlation:
 
     Evidence: ``agreement``, ``disagreement``, ``overlap_cells``, ``occupied_agreement`` in cells of ``resolution_m``;
     ``occupied_m``, the length of the walls that both maps have; ``rival``, the L of the best other hypothesis (0
-    without one), and ``rivals``, the number of others with at least half of the best L; ``occupancy_prior``, the π of L;
-    with a covariance also ``sigma_max_m``, the greatest standard deviation of where the common walls lie, and
+    without one), and ``rivals``, the number of others with at least half of the best L; ``occupancy_prior``, the π of
+    L; with a covariance also ``sigma_max_m``, the greatest standard deviation of where the common walls lie, and
     ``degenerate_dir_rad``, its direction in the target's frame in [0, π).
     """
 
@@ -115,7 +115,7 @@ def _told(target: Prepared, source: Prepared, found: Sequence[_Hypothesis], rank
         "overlap_cells": float(one.met.overlap),
         "occupied_agreement": float(one.met.occupied_agreement),
         "occupied_m": one.met.near_agreement * target.unit_m,
-        "rival": max(others) if others else 0.0,
+        "log_bayes_factor": score,
         "rivals": float(sum(other >= RIVAL_SHARE * found[0].met.log_bayes_factor for other in others)),
         "occupancy_prior": occupancy_prior(target, source),
         "resolution_m": target.unit_m,

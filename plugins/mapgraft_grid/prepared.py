@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import weakref
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,13 @@ SAME_RESOLUTION: Final = 0.01  # relative difference up to which nothing is resa
 RIM: Final = 1  # cells around the known rectangle, so that what touches a wall at its edge has a place
 
 Marks = NDArray[np.uint8]  # (h, w) as ``kernels.meeting.mark`` makes them
+
+
+class MarkedCells(NamedTuple):
+    """Cells (n, 2) by row and column, in that order, and their marks (n,)."""
+
+    cells: NDArray[np.int32]
+    marks: NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,6 +59,16 @@ class Prepared:
         if "mark counts" not in self.kept:
             self.kept["mark counts"] = np.bincount(self.marks.ravel(), minlength=5).astype(np.int64)
         found: NDArray[np.int64] = np.asarray(self.kept["mark counts"])
+        return found
+
+    @property
+    def marked_cells(self) -> MarkedCells:
+        """Rows and columns of all cells with a mark."""
+        found = self.kept.get("marked cells")
+        if not isinstance(found, MarkedCells):
+            rows, columns = np.nonzero(self.marks)
+            found = MarkedCells(np.stack((rows, columns), axis=1).astype(np.int32), self.marks[rows, columns])
+            self.kept["marked cells"] = found
         return found
 
     def free_clear_of_walls(self, cells: int) -> Points:

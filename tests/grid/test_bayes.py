@@ -69,7 +69,8 @@ def test_meeting_counts_pairs_of_marks(seed: int) -> None:
         v = math.floor(s * (column + 0.5) + c * (row + 0.5) + y)
         if 0 <= v < target.shape[0] and 0 <= u < target.shape[1]:
             want[target[v, u], source[row, column]] += 1
-    found = meeting(target, source, c, s, x, y)
+    cells = np.argwhere(source).astype(np.int32)
+    found = meeting(target, cells, source[cells[:, 0], cells[:, 1]], c, s, x, y)
     assert np.abs(found - want).sum() <= 2  # a centre on the edge of two cells may go to either
 
 

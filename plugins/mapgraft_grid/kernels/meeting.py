@@ -32,7 +32,8 @@ def mark(classes: NDArray[np.uint8]) -> NDArray[np.uint8]:
 @njit(cache=True)
 def meeting(
     target: NDArray[np.uint8],
-    source: NDArray[np.uint8],
+    cells: NDArray[np.int32],
+    marks: NDArray[np.uint8],
     cosine: float,
     sine: float,
     shift_x: float,
@@ -40,20 +41,15 @@ def meeting(
 ) -> NDArray[np.int64]:
     """The (5, 5) table of (target mark, source mark) when the source's cells are turned, shifted and dropped.
 
-    ``target`` and ``source`` are marks. A cell's centre (x, y) of the source, in cells from its lower-left corner, goes
-    to cosine · x - sine · y + shift_x, sine · x + cosine · y + shift_y in the target's cells. Cells of
-    the source that land outside or know nothing are not counted.
+    ``target`` (h, w) marks; ``cells`` (n, 2) rows and columns of the source and their ``marks`` (n,). A cell's centre
+    (x, y), in cells from the source's lower-left corner, goes to cosine · x - sine · y + shift_x, sine · x + cosine · y
+    + shift_y in the target's cells. What lands outside is not counted.
     """
     table = np.zeros((5, 5), np.int64)
     height, width = target.shape
-    for row in range(source.shape[0]):
-        u0 = 0.5 * cosine - (row + 0.5) * sine + shift_x
-        v0 = 0.5 * sine + (row + 0.5) * cosine + shift_y
-        for column in range(source.shape[1]):
-            theirs = source[row, column]
-            if theirs == 0:
-                continue
-            x, y = math.floor(u0 + column * cosine), math.floor(v0 + column * sine)
-            if 0 <= x < width and 0 <= y < height:
-                table[target[y, x], theirs] += 1
+    for i in range(cells.shape[0]):
+        u, v = cells[i, 1] + 0.5, cells[i, 0] + 0.5
+        x, y = math.floor(cosine * u - sine * v + shift_x), math.floor(sine * u + cosine * v + shift_y)
+        if 0 <= x < width and 0 <= y < height:
+            table[target[y, x], marks[i]] += 1
     return table
