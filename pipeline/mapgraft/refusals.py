@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from mapgraft.contracts import Match, Transform
 from mapgraft.persons import same_place
@@ -35,7 +36,10 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True)
 class Sifted:
-    """Matches without those that are refused, and why the first refused one is; ``refused`` is empty without any."""
+    """Matches without those that are refused, and why the first refused one is; ``refused`` is empty without any.
+
+    What is refused is no rival any more: with any the margins are those over each other.
+    """
 
     matches: list[Match]
     refused: str
@@ -63,7 +67,7 @@ class Refusals:
             if not obstacle:
                 matches.append(match)
             refused = refused or obstacle
-        return Sifted(matches, refused)
+        return Sifted(_among_themselves(matches) if refused else matches, refused)
 
     def overcome(self, donor: str, match: Match, about_m: Sequence[float]) -> str:
         """What a match that was let through has grown beyond, in words; empty where nothing was taken out."""
@@ -86,3 +90,12 @@ class Refusals:
             f"{hardest.merge_id} was reverted there, and its score of now {score:.4g} "
             f"must grow above {hardest.needs(factor):.4g} first"
         )
+
+
+def _among_themselves(matches: list[Match]) -> list[Match]:
+    """The matches with their margins over the best other of them."""
+    out = []
+    for match in matches:
+        others = [other.score for other in matches if other is not match]
+        out.append(replace(match, margin=match.score - max(others) if others else math.inf))
+    return out

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from mapgraft.candidates import Candidates, LastAttempt
@@ -130,6 +132,17 @@ def test_other_places_and_other_donors_are_free():
     refusals.add("b", Refusal("a.b.1", HERE, 100.0))
     assert len(refusals.sift("b", matches(1.0, T=THERE), 1.5, ORIGIN).matches) == 1
     assert len(refusals.sift("c", matches(1.0), 1.5, ORIGIN).matches) == 1
+
+
+def test_what_was_taken_out_is_no_rival_of_what_is_left():
+    refusals = Refusals()
+    refusals.add("b", Refusal("a.b.1", HERE, 100.0))
+    far = Transform.planar(40.0, 0.0, 0.0)
+    found = [Match(HERE, 100.0, 40.0), Match(THERE, 60.0, -40.0), Match(far, 25.0, -75.0)]
+    left = refusals.sift("b", found, 1.5, ORIGIN).matches
+    assert [(m.T_receiver_donor, m.margin) for m in left] == [(THERE, 35.0), (far, -35.0)]
+    assert refusals.sift("b", found[:2], 1.5, ORIGIN).matches[0].margin == math.inf
+    assert refusals.sift("c", found, 1.5, ORIGIN).matches == found
 
 
 def test_what_a_person_took_out_is_never_taken_again_by_itself():
