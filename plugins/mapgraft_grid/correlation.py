@@ -47,9 +47,9 @@ class Correlation:
     more (``gate``); the margin is then over what was searched.
 
     Evidence: ``agreement``, ``disagreement``, ``overlap_cells``, ``occupied_agreement`` in cells of ``resolution_m``;
-    ``occupied_m``, the length of the walls that both maps have; ``rival``, the L of the best other hypothesis (0
-    without one), and ``rivals``, the number of others with at least half of the best L; ``occupancy_prior``, the π of
-    L; with a covariance also ``sigma_max_m``, the greatest standard deviation of where the common walls lie, and
+    ``occupied_m``, the length of the walls that both maps have; ``log_bayes_factor``, which is the score;
+    ``rivals``, the number of other hypotheses with at least half of the best L; ``occupancy_prior``, the π of L; with a
+    covariance also ``sigma_max_m``, the greatest standard deviation of where the common walls lie, and
     ``degenerate_dir_rad``, its direction in the target's frame in [0, π).
     """
 

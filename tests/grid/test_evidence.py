@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mapgraft.contracts import Layer, Map, MapType, Match, Metric, Observation, Step, Transform
 from mapgraft_grid.evidence.bayes_factor import BayesFactor
-from mapgraft_grid.evidence.features import RIVAL, features_of
+from mapgraft_grid.evidence.features import IN_NATS, features_of
 from mapgraft_grid.evidence.joint import TOLERANCE_M, joint_of, standing_of
 from mapgraft_grid.evidence.posterior import Posterior
 from mapgraft_grid.evidence.traces import Paths, Rays
@@ -26,7 +26,7 @@ from mapgraft_grid.map_type import OccupancyGrid
 
 GRIDS = OccupancyGrid(resolution_m=0.1)
 MakeMap = Callable[..., GridMap]
-HERE = Match(Transform.identity(), 100.0, 50.0, evidence={RIVAL: 50.0})
+HERE = Match(Transform.identity(), 100.0, 50.0, evidence={IN_NATS: 100.0})
 METRICS = (BayesFactor(), Contradiction(), Recall(), Rays(), Paths(), Posterior())
 
 
@@ -170,7 +170,7 @@ def test_the_probability_follows_the_evidence(seen_from: Callable[..., GridLayer
     looked = seen_from((6.0, 4.0), tuple((x, 0.0) for x in np.arange(-4.0, 4.1, 0.5)))
     own = GRIDS.view(looked)
     right = value(Posterior(), Pair(own, own, looked, looked))
-    rival = dataclasses.replace(HERE, evidence={RIVAL: 1e6})
+    rival = dataclasses.replace(HERE, margin=-1e6)
     assert right > 0.9
     assert value(Posterior(), Pair(own, own, looked, looked, match=rival)) < right
     moved = grid_map_of(

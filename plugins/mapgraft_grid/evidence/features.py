@@ -12,7 +12,7 @@ from mapgraft_grid.evidence.joint import standing_of
 from mapgraft_grid.evidence.traces import beams_of, steps_of
 from mapgraft_grid.similarity import kappa
 
-RIVAL: Final = "rival"  # the matcher's evidence that holds L of the best other hypothesis
+IN_NATS: Final = "log_bayes_factor"  # a matcher with this evidence has L for its score, so that its margin is known
 _NATS: Final = 10.0  # differences of L below this mean little
 _LEAST_NATS: Final = 20.0  # a margin is a share of L, but not of less than this
 _MOST_STEPS: Final = 20  # more walls on a path say no more
@@ -22,10 +22,10 @@ def features_of(comparison: Comparison) -> Mapping[str, float]:
     """What is known of a placement, by name; empty when the maps have no wall in common to judge it by.
 
     ``evidence``: log(1 + L / 10 nats). ``margin``: how far L is above that of the best other hypothesis, as a share of
-    it in [-1, 1]; where the matcher tells. ``kappa``: Cohen's κ of the classes. ``good``: log(1 + patches of 2 m in
-    which the walls of both are clearly near each other); ``patches``: log of these over those that speak against.
-    ``beams``: log of the beams for over those against; ``steps``: -log(1 + walls on the paths); both only where
-    beams say something. All grow with what speaks for the placement.
+    it in [-1, 1]; where the matcher's score is L. ``kappa``: Cohen's κ of the classes. ``good``: log(1 + patches of 2 m
+    in which the walls of both are clearly near each other); ``patches``: log of these over those that speak against.
+    ``beams``: log of the beams for over those against; ``steps``: -log(1 + walls on the paths); both only where beams
+    say something. All grow with what speaks for the placement.
     """
     found = meeting_of(comparison, "posterior")
     walls = standing_of(comparison, "posterior")
@@ -39,8 +39,9 @@ def features_of(comparison: Comparison) -> Mapping[str, float]:
         "good": math.log1p(walls.good),
         "patches": math.log((walls.good + 0.5) / (walls.bad + 0.5)),
     }
-    if RIVAL in comparison.match.evidence:
-        ahead = evidence - max(0.0, comparison.match.evidence[RIVAL])
+    match = comparison.match
+    if IN_NATS in match.evidence:
+        ahead = evidence - max(0.0, match.score - match.margin)  # an infinite margin has no rival
         out["margin"] = max(-1.0, min(1.0, ahead / max(evidence, _LEAST_NATS)))
     beams, steps = beams_of(comparison, "posterior"), steps_of(comparison, "posterior")
     if beams.support:
