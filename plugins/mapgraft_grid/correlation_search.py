@@ -18,7 +18,8 @@ from mapgraft_grid.prepared import Prepared, thinned
 
 FINEST: Final = 2  # canonical cells across the last level's: on finer ones maps that are a little bent do not fit
 COARSE_M: Final = 0.3  # finest cells on which everything is searched
-CELLS_ACROSS: Final = 180  # such cells across what the search covers: larger maps are searched on larger cells
+CELLS_ACROSS: Final = 180  # cells across what the search covers: larger maps are searched on larger cells
+LARGE_M: Final = 90.0  # beyond this the cells grow with the root of the extent: walls do not get larger
 STEP_CELLS: Final = 3.0  # coarse cells by which one step of rotation moves the source's farthest wall
 RING: Final = 0.3  # what a wall beside a wall tells on coarse cells, as a share of one upon it
 CLEAR_CELLS: Final = 0.75  # free cells this near a wall tell nothing on coarse cells: they may fall on it
@@ -91,7 +92,8 @@ def level(target: Prepared, prior: float, factor: int) -> Level:
 def coarse_factor(target: Prepared, source: Prepared) -> int:
     """How many canonical cells the cells of the coarse level are wide: as the maps' extents say."""
     across_m = float(max(target.classes.shape)) * target.unit_m + source.radius_m
-    return max(FINEST + 1, round(max(COARSE_M, across_m / CELLS_ACROSS) / target.unit_m))
+    wanted_m = across_m / CELLS_ACROSS if across_m <= LARGE_M else math.sqrt(across_m * LARGE_M) / CELLS_ACROSS
+    return max(FINEST + 1, round(max(COARSE_M, wanted_m) / target.unit_m))
 
 
 def sampled(source: Prepared, clear_m: float, most: tuple[int, int]) -> Sample:
