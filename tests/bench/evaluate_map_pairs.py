@@ -1,14 +1,17 @@
 """Judges a matcher on the real map pairs of ``../shared/data/maps``, and on all pairs of them across buildings.
 
 python tests/bench/evaluate_map_pairs.py [--matcher NAME] [--rules FILE] [--only grid|halmstad|across] [--out DIR]
+    [--json DIR]
 
 ``grid`` are the 29 pairs with a transform and the 4 unrelated ones, ``halmstad`` the 12 sensor pairs of two flats with
-keypoints, ``across`` every two maps of different buildings, several hundred, none of which may merge.
+keypoints, ``across`` every two maps of different buildings, several hundred, none of which may merge. With ``--json`` one file of
+each part is written instead of the tables, for ``tables_of_matching.py``.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import sys
 import tempfile
@@ -72,12 +75,23 @@ def arguments_of(part: str, folder: Path) -> list[str]:
     return ["--pairs", str(path)]
 
 
+def answered(arguments: list[str], part: str, folder: Path | None) -> int:
+    """Call mapgraft with the tables printed or, with a folder, its JSON written there; returns the exit code."""
+    if folder is None:
+        print(f"\n{part}", flush=True)
+        return invoke(arguments)
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / f"{part}.json").open("w", encoding="utf-8") as file, contextlib.redirect_stdout(file):
+        return invoke([*arguments, "--json"])
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--matcher", help="a matcher instead of the rules' own")
     parser.add_argument("--rules", help="a decision table instead of the default")
     parser.add_argument("--only", choices=("grid", "halmstad", "across"))
     parser.add_argument("--out", help="folder for pictures")
+    parser.add_argument("--json", type=Path, help="folder for JSON, instead of tables")
     given = parser.parse_args()
     if not MAPS.is_dir():
         print(f"there are no maps in {MAPS}", file=sys.stderr)
@@ -88,9 +102,9 @@ def main() -> int:
     ]
     with tempfile.TemporaryDirectory() as folder:
         for part in (given.only,) if given.only else ("grid", "halmstad", "across"):
-            print(f"\n{part}", flush=True)
             out = ["-o", str(Path(given.out) / part)] if given.out else []
-            if code := invoke(["match", *arguments_of(part, Path(folder)), *options, *out]):
+            arguments = ["match", *arguments_of(part, Path(folder)), *options, *out]
+            if code := answered(arguments, part, given.json):
                 return code
     return 0
 
