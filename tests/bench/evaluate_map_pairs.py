@@ -4,8 +4,8 @@ python tests/bench/evaluate_map_pairs.py [--matcher NAME] [--rules FILE] [--only
     [--json DIR]
 
 ``grid`` are the 29 pairs with a transform and the 4 unrelated ones, ``halmstad`` the 12 sensor pairs of two flats with
-keypoints, ``across`` every two maps of different buildings, several hundred, none of which may merge. With ``--json`` one file of
-each part is written instead of the tables, for ``tables_of_matching.py``.
+keypoints, ``across`` every two maps of different buildings, several hundred, none of which may merge. With ``--json``
+one file of each part is written instead of the tables, for ``tables_of_matching.py``.
 """
 
 from __future__ import annotations

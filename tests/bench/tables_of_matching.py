@@ -6,7 +6,8 @@
     python tests/bench/tables_of_matching.py --print 07-07.json …               # prints instead
 
 Intervals are 95 %, by bootstrap over stretches of the recordings, over all the runs that a row is made of; equal
-windows in several runs (the same seed at other resolutions) are one stretch.
+windows in several runs (the same seed at other resolutions) are one stretch. Where none or all were hit they are those of
+Clopper and Pearson for as many things as there are different pairs of windows.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from mapgraft.evaluation.certainty import ELLIPSE_95
-from mapgraft.evaluation.statistics import Share, Spread, Weights, resampled, share, spread
+from mapgraft.evaluation.statistics import Share, Spread, Weights, clopper_pearson, resampled, share, spread
 from mapgraft.evaluation.summary import BINS, MUCH_OVERLAP, NEW_WALL_M, SOME_OVERLAP, bin_of
 from mapgraft.evaluation.tables import milliseconds, percent
 
@@ -92,11 +93,23 @@ class Crowd:
     def share(self, hit: Callable[[Row, Row], bool], among: Callable[[Row, Row], bool] = lambda *_: True) -> Share:
         """``hit`` and ``among`` are asked of each pair and of what the procedure did with it."""
         pairs = [(row, row[self.procedure]) for row in self.rows]
-        return share([hit(*pair) for pair in pairs], [among(*pair) for pair in pairs], self.weights)
+        inside = [among(*pair) for pair in pairs]
+        found = share([hit(*pair) for pair in pairs], inside, self.weights)
+        if found.of == 0 or found.count not in (0, found.of):
+            return found
+        different = len({_windows(row) for row, is_in in zip(self.rows, inside, strict=True) if is_in})
+        low, high = clopper_pearson(found.count and different, different)
+        return replace(found, low=low, high=high)
 
     def spread(self, number: Callable[[Row], float | None]) -> Spread:
         found = (number(row[self.procedure]) for row in self.rows)
         return spread([value for value in found if value is not None])
+
+
+def _windows(row: Row) -> tuple[str, int, str, int]:
+    """The same for one pair of windows at two resolutions, which are not two independent pairs."""
+    receiver, donor = row["receiver"], row["donor"]
+    return receiver["robot"], receiver["first_scan"], donor["robot"], donor["first_scan"]
 
 
 def blocks_of(rows: Sequence[Row]) -> list[tuple[int, int]]:
