@@ -25,13 +25,13 @@ RING: Final = 0.3  # what a wall beside a wall tells on coarse cells, as a share
 CLEAR_CELLS: Final = 0.75  # free cells this near a wall tell nothing on coarse cells: they may fall on it
 PER_YAW: Final = 10  # local maxima that are kept of each rotation
 KEPT: Final = 300  # of all rotations
-KEPT_FINER: Final = (100, 80, 80)  # on the levels below
-MOST_FOUND: Final = 24
+KEPT_FINER: Final = (150, 120, 120)  # on the levels below
+MOST_FOUND: Final = 40  # that are refined
 MOST_WITHIN: Final = 8  # within a narrow prior
 ONE_M: Final = 0.4  # poses this near each other end in one when they are refined
 ONE_RAD: Final = math.radians(3.0)
 COARSE_POINTS: Final = (4_000, 3_000)  # walls and free cells of the source that are looked at, at most
-FINE_POINTS: Final = (500, 800)
+FINE_POINTS: Final = (600, 1_500)
 DIRECT: Final = 4_000  # poses within a prior that are tried one by one
 BATCH: Final = 1  # rotations transformed at once: what fits a second-level cache
 
@@ -62,6 +62,9 @@ def search(target: Prepared, source: Prepared, gate: Gate | None = None) -> Pose
 
     The score is the log Bayes factor of walls and free cells of the source, sampled. Without a gate, or with a wide
     one, every rotation and shift is looked at by FFT on coarse cells; within a narrow one all poses are tried.
+
+    What coarse cells lose: of 200 pairs of maps of 30 scans from four real logs, whether they overlap or not, the best
+    hypothesis is right for 85, and for 89 with 360 rotations and every shift on cells of 0.2 m without sampling.
     """
     if gate is not None and (tried := _within(target, source, gate)) is not None:
         return _best(tried, ONE_M, ONE_RAD, MOST_WITHIN)
