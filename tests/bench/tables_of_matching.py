@@ -6,8 +6,8 @@
     python tests/bench/tables_of_matching.py --print 07-07.json …               # prints instead
 
 Intervals are 95 %, by bootstrap over stretches of the recordings, over all the runs that a row is made of; equal
-windows in several runs (the same seed at other resolutions) are one stretch. Where none or all were hit they are those of
-Clopper and Pearson for as many things as there are different pairs of windows.
+windows in several runs (the same seed at other resolutions) are one stretch. Where none or all were hit they are
+those of Clopper and Pearson for as many things as there are different pairs of windows.
 """
 
 from __future__ import annotations
