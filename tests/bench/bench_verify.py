@@ -49,6 +49,7 @@ RULES: dict[str, dict[str, Any]] = {
     "nothing near, every 10": {"metrics": ["nothing_near"], "every": 10},
     "sequential, every scan": {"use": "sequential", "metrics": ["news"], "every": 1},
     "sequential, every 5": {"use": "sequential", "metrics": ["news"], "every": 5},
+    "sequential, every 10": {"use": "sequential", "metrics": ["news"], "every": 10},
     "similarity, every scan": {"metrics": ["similarity"], "every": 1},
     "similarity, every 10": {"metrics": ["similarity"], "every": 10},
     "distance, every 10": {"metrics": ["distance"], "every": 10},

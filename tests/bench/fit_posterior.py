@@ -35,7 +35,7 @@ from mapgraft_recordings.buildings import KINDS, building, drive
 
 SEED = 20_261_100
 GROUPS, BUILDINGS, PAIRS = 6, 12, 400
-WINDOWS = (20, 30, 30, 45, 30, 70)  # scans, one for each group
+WINDOWS = (20, 30, 30, 45, 70, 140)  # scans, one for each group
 RESOLUTIONS_M = ((0.07, 0.07), (0.07, 0.1), (0.1, 0.07), (0.05, 0.05), (0.05, 0.1))
 RIDGE = 3.0
 PROVISIONAL = 0.8  # what is printed at: the default of the rules
