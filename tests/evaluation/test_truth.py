@@ -113,7 +113,7 @@ def test_new_wall_is_what_the_receiver_comes_to_know_of_the_donors():
     plan = PairPlan(0, Window(receiver, 0, 5, 30), Window(donor, 0, 80, 0), 0.0, 0.0)
     pair = build(plan, OccupancyGrid(resolution_m=0.05), OccupancyGrid(resolution_m=0.05))
     grown = grow(pair)
-    assert grown.walls_m == pytest.approx(3.5, abs=0.2)
+    assert grown.walls_m == pytest.approx(3.5, abs=0.5)
     assert len(grown.integrated_s) == 30
     assert grow(dataclasses.replace(pair, further=())).walls_m == 0.0
     assert grow(dataclasses.replace(pair, truth=None)).walls_m is None

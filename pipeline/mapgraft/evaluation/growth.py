@@ -10,8 +10,9 @@ from mapgraft.evaluation.building import Pair
 
 @dataclass(frozen=True, slots=True)
 class Growth:
-    """``walls_m`` is the length of the donor's walls that the receiver has come to know, None where there is no truth
-    or the map type has no resolution. ``integrated_s`` is what each further scan took to be mapped, without any merge.
+    """``walls_m`` is the length of the donor's walls that the receiver has come to know, None where there is no truth.
+
+    ``integrated_s`` is what each further scan took to be mapped, without any merge.
     """
 
     walls_m: float | None
@@ -27,8 +28,6 @@ def grow(pair: Pair) -> Growth:
         began_s = perf_counter()
         map_type.integrate(layer, observation)
         integrated_s.append(perf_counter() - began_s)
-    resolution_m = map_type.metadata(map_type.new_layer()).resolution_m  # of an empty one: quality takes its time
-    if truth is None or resolution_m is None:
+    if truth is None:
         return Growth(None, tuple(integrated_s))
-    more = truth.walls_known_to(map_type.view(layer)) - truth.shared_walls
-    return Growth(max(0, more) * resolution_m, tuple(integrated_s))
+    return Growth(truth.new_walls_m(pair.receiver.map, map_type.view(layer)), tuple(integrated_s))

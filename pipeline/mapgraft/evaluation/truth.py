@@ -11,6 +11,7 @@ import numpy as np
 from mapgraft.contracts import EmptyMapError, Layer, Map, MapType, Points, Transform
 
 RIGHT_M, RIGHT_DEG = 0.5, 5.0  # a hypothesis is right when it is no further off
+BLOCK_M = 0.5  # in which new walls are counted
 
 
 class Error(NamedTuple):
@@ -72,6 +73,16 @@ class Truth:
         _, turn_rad = self.T_receiver_donor.difference(T_receiver_donor)
         return Error(float(np.linalg.norm(found - points, axis=1).mean()), math.degrees(abs(turn_rad)))
 
-    def walls_known_to(self, own_map: Map) -> int:
-        """How many of the donor's walls lie where the receiver knows something, as far as it has mapped by now."""
-        return len(self.map_type.structure(self.placed, own_map))
+    def new_walls_m(self, before: Map, now: Map) -> float:
+        """The length of the donor's walls that the receiver's map knows ``now`` and did not know ``before``.
+
+        Counted in blocks of half a metre in which none was known before: a thick wall is no longer than a thin one, and
+        what fills a gap in a known one is no new wall.
+        """
+        known, seen = (_blocks(self.map_type.structure(self.placed, map_)) for map_ in (before, now))
+        return len(seen - known) * BLOCK_M
+
+
+def _blocks(points_m: Points) -> set[tuple[int, ...]]:
+    """The blocks in which points (n, 2) or (n, 3) lie."""
+    return set(map(tuple, np.unique(np.floor(points_m / BLOCK_M).astype(np.int64), axis=0).tolist()))
