@@ -260,7 +260,7 @@ def draw_search(found: Found) -> Figure:
     axes[0].set_xlabel("rotation of the donor's map, degrees")
     axes[0].set_ylabel("highest score of all shifts, nats")
     axes[0].set_title("every rotation", fontsize=10, loc="left")
-    axes[0].annotate("found", (2.0 * best, highest[best]), xytext=(8, -4), textcoords="offset points", color=RED)
+    axes[0].annotate("highest", (2.0 * best, highest[best]), xytext=(8, -4), textcoords="offset points", color=RED)
     centred = np.roll(scores[best], (reach, reach), axis=(0, 1))
     told = np.argwhere(abs(centred) > 50.0)
     (y0, x0), (y1, x1) = told.min(axis=0), told.max(axis=0) + 1

@@ -27,6 +27,7 @@ from mapgraft.evaluation.certainty import ELLIPSE_95
 from mapgraft.evaluation.statistics import Share, Spread, Weights, clopper_pearson, resampled, share, spread
 from mapgraft.evaluation.summary import BINS, MUCH_OVERLAP, NEW_WALL_M, SOME_OVERLAP, bin_of
 from mapgraft.evaluation.tables import milliseconds, percent
+from mapgraft_grid.evidence.posterior import MODEL_FILE
 
 PAGE: Final = Path(__file__).parents[2] / "docs" / "matching.md"
 BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
@@ -329,6 +330,24 @@ def _spread(told: Mapping[str, Any]) -> Spread:
     return Spread(told["count"], _number(told["median"]), _number(told["p95"]))
 
 
+def held_out_table() -> str:
+    """What the fit wrote down beside the coefficients."""
+    found = json.loads(MODEL_FILE.read_text(encoding="utf-8"))
+    shares = ("right_accepted_overlap_half", "right_accepted", "wrong_accepted")
+    lines = [
+        [", ".join(f"`{name}`" for name in model["coefficients"]), f"{told['auc']:.4f}", *(_percent(told, shares))]
+        for model in found["models"]
+        for told in (model["held_out"],)
+    ]
+    table = markdown(["features", "area under the curve", "taken: right at overlap ≥ .5", "all right", "wrong"], lines)
+    given = found["provenance"]
+    return f"{given['examples']} pairs, {given['right']} right; {given['held_out']}.\n\n{table}"
+
+
+def _percent(told: Mapping[str, float], names: Sequence[str]) -> list[str]:
+    return [f"{100.0 * told[name]:.3g} %" for name in names]
+
+
 def lists_table(lists: Sequence[Listed]) -> str:
     lines = []
     for listed in lists:
@@ -378,6 +397,7 @@ def page(runs: Sequence[Run], lists: Sequence[Listed]) -> str:
             "### Time: median (95th percentile)",
             times_table(runs),
         ]
+    parts += ["### The posterior on simulated buildings that its fit has not seen", held_out_table()]
     if lists:
         parts += ["### Ready-made maps (`tests/bench/evaluate_map_pairs.py`)", lists_table(lists)]
     return "\n\n".join(parts)
