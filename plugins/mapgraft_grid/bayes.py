@@ -70,13 +70,14 @@ def log_bayes_factor(target: Prepared, source: Prepared, T_target_source: Transf
 def meet(target: Prepared, source: Prepared, T_target_source: Transform, factors: Factors | None = None) -> Meeting:
     """All counts of a placement, and its log Bayes factor; ``factors`` are the pair's, where they are at hand."""
     table = meeting_table(target, source, T_target_source)
-    free = table[np.ix_((1, 3), (1, 3))].sum()
-    against = table[2, (1, 3)].sum() + table[(1, 3), 2].sum()
-    near = table[2:, 2].sum()
+    rows = table.tolist()
+    free = rows[1][1] + rows[1][3] + rows[3][1] + rows[3][3]
+    against = rows[2][1] + rows[2][3] + rows[1][2] + rows[3][2]
+    near = rows[2][2] + rows[3][2] + rows[4][2]
     if factors is None:
         factors = log_bayes_factors(occupancy_prior(target, source))
     total = math.fsum((table * factors).ravel().tolist())
-    return Meeting(total, int(free + table[2, 2]), int(against), int(table[2, 2]), int(near))
+    return Meeting(total, free + rows[2][2], against, rows[2][2], near)
 
 
 def meeting_table(target: Prepared, source: Prepared, T: Transform) -> NDArray[np.int64]:

@@ -59,9 +59,10 @@ def certainty(target: Lattice, source: Lattice, T: Transform, search_m: float, s
     It is (6, 6) of x, y, z, roll, pitch, yaw in the target's frame; z, roll and pitch are zero. Cells of both must be
     of about one size.
     """
-    rows, columns = np.nonzero(source.classes == OCCUPIED)
-    step = 1 + rows.size // MOST_CELLS
-    found = _pairs(target, source, T, np.stack((rows, columns), axis=1)[::step])
+    occupied = np.flatnonzero(source.classes == OCCUPIED)
+    step = 1 + occupied.size // MOST_CELLS
+    cells = np.stack(np.divmod(occupied[::step], source.classes.shape[1]), axis=1)
+    found = _pairs(target, source, T, cells)
     if len(found) * step * target.unit_m < WALL_MIN_M:
         return None
     places, apart_m = found[:, :2] * target.unit_m + target.origin_m, found[:, 6] * target.unit_m

@@ -15,6 +15,7 @@ from mapgraft_grid.certainty import Certainty, Lattice, certainty
 from mapgraft_grid.correlation_search import search
 from mapgraft_grid.gate import Gate
 from mapgraft_grid.grid_map import GridMap
+from mapgraft_grid.kernels.refining import distinct
 from mapgraft_grid.prepared import Prepared, canonical_m, prepare, thinned
 from mapgraft_grid.refinement import distance_field, placed, refined
 
@@ -68,7 +69,7 @@ class Correlation:
         exact = refined(distance_field(a), distance_field(b), theirs.centre_m, rough)
         if gate is not None:
             exact = [gate.clipped(*pair, theirs.centre_m) for pair in zip(exact, rough, strict=True)]
-        found = _distinct(ours, theirs, exact)[: self.returned]
+        found = _distinct(ours, theirs, exact, self.returned)
         return [_told(ours, theirs, found, rank) for rank in range(len(found))]
 
 
@@ -78,20 +79,21 @@ def _grid(name: str, map_: Map) -> GridMap:
     return map_
 
 
-def _distinct(target: Prepared, source: Prepared, transforms: Sequence[Transform]) -> list[_Hypothesis]:
-    """The best of each place, best first."""
+def _distinct(target: Prepared, source: Prepared, transforms: Sequence[Transform], count: int) -> list[_Hypothesis]:
+    """The best of each place, best first, at most so many."""
     some = thinned(source.walls, ASKED_WALLS)
-    apart: list[tuple[Transform, Points]] = []
-    for T in transforms:
-        spots = T.apply(some)
-        if all(_mean_distance(spots, other) > SAME_M for _, other in apart):
-            apart.append((T, spots))
+    spots = np.array([T.apply(some) for T in transforms]).reshape(len(transforms), len(some), 2)
     factors = log_bayes_factors(occupancy_prior(target, source))
-    met = [_Hypothesis(T, meet(target, source, T, factors), spots) for T, spots in apart]
+    met = [
+        _Hypothesis(transforms[k], meet(target, source, transforms[k], factors), spots[k])
+        for k in distinct(spots, SAME_M).tolist()
+    ]
     kept: list[_Hypothesis] = []
     for one in sorted(met, key=lambda h: -h.met.log_bayes_factor):
         if not any(_same_place(one, other) for other in kept):
             kept.append(one)
+        if len(kept) == count:
+            break
     return kept
 
 

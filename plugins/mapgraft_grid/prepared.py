@@ -66,7 +66,7 @@ class Prepared:
         """Rows and columns of all cells with a mark."""
         found = self.kept.get("marked cells")
         if not isinstance(found, MarkedCells):
-            rows, columns = np.nonzero(self.marks)
+            rows, columns = rows_and_columns(self.marks != 0)
             found = MarkedCells(np.stack((rows, columns), axis=1).astype(np.int32), self.marks[rows, columns])
             self.kept["marked cells"] = found
         return found
@@ -116,8 +116,14 @@ def _prepared(map_: GridMap, unit_m: float, name: str) -> Prepared:
 
 
 def _centres(wanted: NDArray[np.bool_], unit_m: float, origin_m: NDArray[np.float64]) -> Points:
-    rows, columns = np.nonzero(wanted)
+    rows, columns = rows_and_columns(wanted)
     return np.stack((columns + 0.5, rows + 0.5), axis=1) * unit_m + origin_m
+
+
+def rows_and_columns(wanted: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """As ``np.nonzero`` of a plane, several times as fast."""
+    rows, columns = np.divmod(np.flatnonzero(wanted), wanted.shape[1])
+    return rows, columns
 
 
 def thinned(points: Points, most: int) -> Points:

@@ -42,7 +42,7 @@ def distance_field(map_: GridMap) -> Field:
 def _field(prepared: Prepared) -> Field:
     import cv2
 
-    empty = np.where(prepared.classes == OCCUPIED, 0, 1).astype(np.uint8)
+    empty = (prepared.classes != OCCUPIED).astype(np.uint8)
     distances = cv2.distanceTransform(empty, cv2.DIST_L2, cv2.DIST_MASK_5)
     distances = np.minimum(distances * np.float32(prepared.unit_m), np.float32(FAR_M))
     return Field(distances, prepared.unit_m, prepared.origin_m, thinned(prepared.walls, MOST_POINTS))

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mapgraft.contracts import Prior, Transform
+from mapgraft_grid.correlation_search import Level, Sample, scored, spectra
 from mapgraft_grid.gate import Gate
 from mapgraft_grid.grid_map import OCCUPIED
-from mapgraft_grid.kernels.correlating import climb, fields, multiply, peaks, splat
+from mapgraft_grid.kernels.correlating import climb, fields, keep, peaks
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -30,18 +31,13 @@ def test_scores_from_spectra_are_those_of_direct_counting(seed: int) -> None:
     on = np.ascontiguousarray(random.normal(size=(2, *random.integers(3, 12, 2)))).astype(np.float32)
     walls, free = (random.uniform(-4.0, 4.0, (n, 2)) for n in (7, 11))
     yaw, weights, side = random.uniform(-3.0, 3.0), (1.0, 2.5), 24
-    grids = np.zeros((2, 1, side, side), np.float32)
-    splat(walls, weights[0], np.array([yaw]), 1.0, grids[0])
-    splat(free, weights[1], np.array([yaw]), 1.0, grids[1])
-    still, turned = np.fft.rfft2(on, (side, side)).astype(np.complex64), np.fft.rfft2(grids).astype(np.complex64)
-    cross = np.empty_like(turned)
-    multiply(still, turned, cross)
-    scores = np.fft.irfft2(cross, (side, side))
+    still = spectra(Level(0.1, 1.0, np.zeros(2), on[0], on[1]), (side, side + 1))
+    scores = scored(still, Sample(walls, free, weights), yaw, 1.0)
     rows, columns = (mesh.ravel() for mesh in np.meshgrid(np.arange(-6, 17), np.arange(-6, 17), indexing="ij"))
     for half in range(2):
         poses = np.column_stack((columns + 0.5, rows + 0.5, np.full(rows.size, yaw + half * math.pi)))
-        counted = climb(on[0], on[1], walls, free, weights, poses, 0.0, 0, 0)[:, 3]
-        assert scores[half, 0, rows % side, columns % side] == pytest.approx(counted, abs=1e-3)
+        counted = climb(on[0], on[1], walls, free, weights, poses, 0.0, 0)[:, 3]
+        assert scores[rows % side, columns % (side + 1), half] == pytest.approx(counted, abs=1e-3)
 
 
 @settings(deadline=None, max_examples=60)
@@ -73,9 +69,25 @@ def test_peaks_are_the_highest_of_nine(seed: int, count: int) -> None:
     scores = random.permutation(np.arange(99.0, dtype=np.float32)).reshape(9, 11)
     around = [np.roll(scores, (y, x), (0, 1)) for y in (-1, 0, 1) for x in (-1, 0, 1) if (y, x) != (0, 0)]
     tops = np.sort(scores[(scores > 30.0) & (scores > np.max(around, axis=0))])[::-1][:count]
-    places, values = peaks(scores, count, 30.0)
-    assert np.array_equal(values, tops)
-    assert np.array_equal(scores[places[:, 0], places[:, 1]], values)
+    for plane in range(2):
+        both = random.normal(50.0, 50.0, (9, 11, 2)).astype(np.float32)
+        both[..., plane] = scores
+        places, values = peaks(both, plane, count, 30.0)
+        assert np.array_equal(values, tops)
+        assert np.array_equal(scores[places[:, 0], places[:, 1]], values)
+
+
+@settings(deadline=None, max_examples=60)
+@given(seeds, st.integers(1, 12))
+def test_the_best_are_kept_in_order_and_the_earlier_of_equals_first(seed: int, count: int) -> None:
+    random = np.random.default_rng(seed)
+    best, n, given_ = np.empty((count, 4)), 0, []
+    for yaw in range(4):
+        values = np.sort(random.integers(0, 9, random.integers(0, 6)).astype(np.float32))[::-1]
+        places = random.integers(0, 99, (values.size, 2))
+        n = keep(best, n, places, float(yaw), values)
+        given_ += [[*place, yaw, value] for place, value in zip(places.tolist(), values.tolist(), strict=True)]
+    assert best[:n].tolist() == sorted(given_, key=lambda one: -one[3])[:count]
 
 
 @settings(deadline=None, max_examples=40)
@@ -85,12 +97,12 @@ def test_climbing_finds_the_best_pose_around(seed: int) -> None:
     on = random.normal(size=(2, 8, 9)).astype(np.float32)
     walls, free = (random.uniform(-5.0, 5.0, (n, 2)) for n in (6, 9))
     pose = np.array([*random.uniform(0.0, 8.0, 2), random.uniform(-3.0, 3.0)])
-    found = climb(on[0], on[1], walls, free, (1.0, 0.5), pose[None], 0.1, 1, 1)[0]
+    found = climb(on[0], on[1], walls, free, (1.0, 0.5), pose[None], 0.1, 1)[0]
     mesh = np.meshgrid([-1, 0, 1], [-1, 0, 1], [-0.1, 0.0, 0.1], indexing="ij")
     tried = pose + np.stack([part.ravel() for part in mesh], axis=1)
-    one_by_one = climb(on[0], on[1], walls, free, (1.0, 0.5), tried, 0.0, 0, 0)
+    one_by_one = climb(on[0], on[1], walls, free, (1.0, 0.5), tried, 0.0, 0)
     assert found[3] == pytest.approx(one_by_one[:, 3].max(), abs=1e-5)
-    assert climb(on[0], on[1], walls, free, (1.0, 0.5), found[None, :3], 0.0, 0, 0)[0, 3] == pytest.approx(found[3])
+    assert climb(on[0], on[1], walls, free, (1.0, 0.5), found[None, :3], 0.0, 0)[0, 3] == pytest.approx(found[3])
 
 
 @settings(deadline=None, max_examples=40)

@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True)
 def _add(
     distances: NDArray[np.float32],
     unit: float,
@@ -121,3 +121,25 @@ def refine(
                 if abs(dx) + abs(dy) + lever * abs(dyaw) < 1e-4:
                     break
     return out
+
+
+@njit(cache=True)
+def distinct(spots: NDArray[np.float64], least: float) -> NDArray[np.int64]:
+    """Which placements k lie, in the mean over their spots (k, n, 2), farther than ``least`` from all such before."""
+    out = np.empty(spots.shape[0], np.int64)
+    n, limit = 0, least * spots.shape[1]
+    for k in range(spots.shape[0]):
+        new = True
+        for j in range(n):
+            total, other = 0.0, out[j]
+            for i in range(spots.shape[1]):
+                total += math.hypot(spots[k, i, 0] - spots[other, i, 0], spots[k, i, 1] - spots[other, i, 1])
+                if total > limit:
+                    break
+            if total <= limit:
+                new = False
+                break
+        if new:
+            out[n] = k
+            n += 1
+    return out[:n]
