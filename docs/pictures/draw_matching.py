@@ -239,20 +239,29 @@ def walls_on(path: Points, classes: Classes) -> Points:
     return through
 
 
-def draw_search(found: Found) -> Figure:
-    """What the coarse search looks at: all rotations, and all shifts of the best one."""
+def scored(found: Found) -> tuple[NDArray[np.float32], int, float]:
+    """The matcher's scores (180, h, w) of all shifts on its coarse cells, for every second degree.
+
+    With how many cells a donor's middle may lie outside of the target, and the size of the cells (m).
+    """
     own, donor = found.pair.receiver.map, found.pair.donor.map
     assert isinstance(own, GridMap) and isinstance(donor, GridMap)
     unit_m = canonical_m(own.resolution_m, donor.resolution_m)
     target, source = prepare(own, unit_m), prepare(donor, unit_m)
-    factor = searching.coarse_factor(target, source)
-    coarse = searching.level(target, occupancy_prior(target, source), factor)
+    coarse = searching.level(target, occupancy_prior(target, source), searching.coarse_factor(target, source))
     sample = searching.sampled(source, searching.CLEAR_CELLS * coarse.unit_m, searching.COARSE_POINTS)
     reach = int(np.ceil(source.radius_m / coarse.unit_m)) + 1
-    shape = tuple(scipy.fft.next_fast_len(n + 2 * reach, real=True) for n in coarse.on_wall.shape)
-    still = scipy.fft.rfft2(np.stack((coarse.on_wall, coarse.on_free)), shape)
-    yaws = np.deg2rad(np.arange(0.0, 180.0, 2.0))
-    scores = searching.scored(still, sample, yaws, coarse.unit_m, shape).reshape(2 * yaws.size, *shape)
+    height, width = (scipy.fft.next_fast_len(n + 2 * reach, real=True) for n in coarse.on_wall.shape)
+    still = searching.spectra(coarse, (height, width))
+    half = np.array(
+        [searching.scored(still, sample, yaw, coarse.unit_m) for yaw in np.deg2rad(np.arange(0.0, 180.0, 2.0))]
+    )
+    return np.concatenate((half[..., 0], half[..., 1])), reach, coarse.unit_m
+
+
+def draw_search(found: Found) -> Figure:
+    """What a coarse search looks at: all rotations, and all shifts of the best one."""
+    scores, reach, unit_m = scored(found)
     highest = scores.max(axis=(1, 2))
     best = int(highest.argmax())
     figure, axes = plt.subplots(1, 2, figsize=(12, 4), layout="constrained", width_ratios=(1.3, 1))
@@ -268,7 +277,7 @@ def draw_search(found: Found) -> Figure:
     shown = axes[1].imshow(centred, origin="lower", cmap="cividis", vmin=-float(centred.max()))
     y, x = np.unravel_index(int(centred.argmax()), centred.shape)
     axes[1].plot(x, y, "o", markersize=14, markerfacecolor="none", markeredgecolor=RED, markeredgewidth=2)
-    axes[1].set_title(f"every shift at {2 * best}°, cells of {coarse.unit_m:.1f} m", fontsize=10, loc="left")
+    axes[1].set_title(f"every shift at {2 * best}°, cells of {unit_m:.1f} m", fontsize=10, loc="left")
     axes[1].axis("off")
     figure.colorbar(shown, ax=axes[1], label="nats")
     return figure
