@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import reduce
 
-from mapgraft.contracts import Observation, Region
+from mapgraft.contracts import MeetingRegion, Observation, Region
 
 
 class Stretch:
@@ -34,10 +33,9 @@ class Stretch:
 
 def _meet(a: Region, b: Region) -> bool:
     """Whether two regions have a unit in common."""
-    quick: Callable[[Region], bool] | None = getattr(
-        a, "meets", None
-    )  # of a MeetingRegion; to ask for one takes longer
-    return quick(b) if quick is not None else len(a.minus(b)) < len(a)
+    if isinstance(a, MeetingRegion) and isinstance(b, MeetingRegion):
+        return a.meets(b)
+    return len(a.minus(b)) < len(a)
 
 
 class Trail:

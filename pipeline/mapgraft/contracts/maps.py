@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple, Protocol, Self
+from typing import Literal, NamedTuple, Protocol, Self, runtime_checkable
 
 from mapgraft.contracts.geometry import Points, Transform
 from mapgraft.contracts.observations import Observation
@@ -21,6 +21,7 @@ class Region(Protocol):
     def __len__(self) -> int: ...
 
 
+@runtime_checkable
 class MeetingRegion(Region, Protocol):
     """A region that can tell, without making another one, whether it has a unit in common with one of its type.
 
