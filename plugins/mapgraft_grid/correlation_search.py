@@ -62,8 +62,9 @@ def search(target: Prepared, source: Prepared, gate: Gate | None = None) -> Pose
     The score is the log Bayes factor of walls and free cells of the source, sampled. Without a gate, or with a wide
     one, every rotation and shift is looked at by FFT on coarse cells; within a narrow one all poses are tried.
 
-    What coarse cells lose: of 200 pairs of maps of 30 scans from four real logs, whether they overlap or not, the best
-    hypothesis is right for 85, and for 89 with 360 rotations and every shift on cells of 0.2 m without sampling.
+    What this loses: of 400 pairs of maps of 30 scans from four real logs that overlap by a tenth or more, and were not
+    looked at before, the best hypothesis is right for 374, and for 370 with 360 rotations and every shift on cells of
+    0.2 m without sampling. For 5 it is right only there; one of these is among the 234 that overlap by 0.3 or more.
     """
     if gate is not None and (tried := _within(target, source, gate)) is not None:
         return _best(tried, ONE_M, ONE_RAD, MOST_WITHIN)
