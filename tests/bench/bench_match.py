@@ -9,8 +9,9 @@ Times are CPU times of one core with everything compiled and nothing kept from e
   that an exhaustive search on the same coarse cells needs without wrapping around;
 - the same again with what is kept of both maps, and within a match's own covariance as prior;
 - whole floors of up to 1000 × 1000 cells, with the exponent of the cost over the number of cells;
-- the best hypothesis, against the best of an exhaustive search of 360 rotations on the finest level of the search, all
-  refined alike: how often that one's log Bayes factor is higher, and how often it is right where ours is not.
+- the best hypothesis of pairs that overlap, against the best of an exhaustive search of 360 rotations on the
+  finest level of the search, all refined alike: how often that one's log Bayes factor is higher, and how often it
+  is right where ours is not.
 """
 
 from __future__ import annotations
