@@ -12,7 +12,7 @@ Kind = Literal[
     "offered",  # a donor told its metadata
     "rejected",  # the decision table has no procedure, or the pair is forbidden
     "unmatched",  # the matcher or the acceptor found nothing good enough
-    "ambiguous",  # more than one hypothesis is good; tried again later
+    "ambiguous",  # probable, but not enough to merge, or more than one place fits; tried again later
     "merged",  # a contribution entered the receiver's map (provisional)
     "updated",  # a newer version of the donor's layer, a better transform, or both took the place of the older ones
     "verified",  # the metrics were measured and the verifier kept the merge; not every time, see Merge.tells

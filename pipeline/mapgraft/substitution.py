@@ -15,9 +15,10 @@ def substituted(
 ) -> DecisionTable:
     """The table with this matcher and this verifier, where they are named, in every procedure.
 
-    A substitute that a rule of the table uses comes with that rule's parameters (the procedure's own rule goes first),
-    any other with its defaults; such a verifier gets the metrics that the procedure's own verifier has. Rules that name
-    what is not installed are left out. Raises UsageError when there is no matcher or verifier of that name.
+    A matcher that a rule of the table uses comes with that rule's parameters (the procedure's own rule goes first), any
+    other with its defaults. A verifier stays as it is where a procedure uses it, and else comes with its defaults and
+    all metrics of the procedure: the limits of one rule mean little in another. Rules that name what is not installed
+    are left out. Raises UsageError when there is no matcher or verifier of that name.
     """
     if matcher is None and verifier is None:
         return table
@@ -35,11 +36,9 @@ def _changed(rule: Rule, rules: list[Rule], matcher: str | None, verifier: str |
     if matcher is not None:
         used = [r.match for r in (rule, *rules) if r.match is not None and r.match.use == matcher]
         content["match"] = (used[0] if used else Choice(use=matcher)).model_dump(mode="json", exclude_unset=True)
-    if verifier is not None:
-        known = [r.verify for r in (rule, *rules) if r.verify is not None and r.verify.use == verifier]
-        metrics = list(procedure.verify.metric_names)
-        bare = Verification(use=verifier, metrics=metrics, every=procedure.verify.every, log=procedure.verify.log)
-        content["verify"] = (known[0] if known else bare).model_dump(mode="json", exclude_unset=True)
+    if verifier is not None and procedure.verify.use != verifier:
+        bare = Verification(use=verifier, metrics=list(procedure.metric_names), every=procedure.verify.every)
+        content["verify"] = bare.model_dump(mode="json", exclude_unset=True)
     return content
 
 

@@ -15,12 +15,15 @@ from mapgraft.procedures import Tools
 class Witness:
     """What was seen, in the order in which it happened.
 
-    ``found`` holds what the matcher found, each time it was asked, ``match_s`` how long that took; ``candidates`` what
-    the acceptor was shown, and ``decisions`` what it said.
+    ``found`` holds what the matcher found, each time it was asked, ``match_s`` how long that took, also where it found
+    nothing to work with; ``candidates`` what the acceptor was shown, and ``decisions`` what it said. ``around_prior_s``
+    is what all searches around a prior have taken together: where nobody knows a pose beforehand, those are the ones
+    that register a standing merge anew.
     """
 
     found: list[Sequence[Match]] = field(default_factory=list)
     match_s: list[float] = field(default_factory=list)
+    around_prior_s: float = 0.0
     candidates: list[Sequence[Candidate]] = field(default_factory=list)
     decisions: list[Decision] = field(default_factory=list)
 
@@ -38,8 +41,13 @@ class _WatchedMatcher:
 
     def match(self, target: Map, source: Map, prior: Prior | None = None) -> Sequence[Match]:
         began_s = perf_counter()
-        found = self.matcher.match(target, source, prior)
-        self.witness.match_s.append(perf_counter() - began_s)
+        try:
+            found = self.matcher.match(target, source, prior)
+        finally:
+            elapsed_s = perf_counter() - began_s
+            self.witness.match_s.append(elapsed_s)
+            if prior is not None:
+                self.witness.around_prior_s += elapsed_s
         self.witness.found.append(found)
         return found
 

@@ -12,10 +12,8 @@ import pytest
 from numpy.typing import NDArray
 
 from mapgraft.contracts import ConfigError, MapError
-from mapgraft.decision import build_table
-from mapgraft.errors import UsageError
 from mapgraft.matching.folder import write_folder
-from mapgraft.matching.pairing import Pairer, with_matcher
+from mapgraft.matching.pairing import Pairer
 from mapgraft.matching.pixels import in_pixels, moved, planar
 from mapgraft.matching.ready_map import Shelf
 from mapgraft_grid.grid_map import GridMap
@@ -100,17 +98,6 @@ def test_maps_of_two_places_give_hypotheses_that_are_not_accepted(bench: Bench, 
     assert (pairing.accepted, pairing.merged) == (None, None)
     assert pairing.best is pairing.hypotheses[0]
     assert pairing.best.measurements, "what was measured of it is told all the same"
-
-
-def test_another_matcher_takes_the_place_of_the_rules_own(bench: Bench, rules: Path) -> None:
-    shelf, _ = bench
-    table = with_matcher(build_table(shelf.plugins, rules), "known_pose", shelf.plugins)
-    assert [record.rule.match.use for record in table.records if record.rule.match] == ["known_pose"]
-    assert [record.rule.reject for record in table.records][1] == "less than a square metre is known"
-    default = build_table(shelf.plugins)
-    assert len(with_matcher(default, "carpin", shelf.plugins).records) == len(default.records)
-    with pytest.raises(UsageError, match="did you mean 'carpin'"):
-        with_matcher(default, "carpine", shelf.plugins)
 
 
 def test_maps_of_two_types_are_turned_away(with_beacons: Bench, save: Save, floor, tmp_path: Path) -> None:

@@ -17,10 +17,11 @@ from mapgraft.errors import UsageError
 from mapgraft.job import as_config
 from mapgraft.matching.document import document, pixels_of
 from mapgraft.matching.folder import write_folder
-from mapgraft.matching.pairing import Hypothesis, Pairer, Pairing, with_matcher
+from mapgraft.matching.pairing import Hypothesis, Pairer, Pairing
 from mapgraft.matching.ready_map import RESOLUTION, ReadyMap, Shelf
 from mapgraft.plugins import Plugins, load_plugins
 from mapgraft.procedures import Workshop
+from mapgraft.substitution import substituted
 
 UNKNOWN_GRAY = "unknown_gray"
 
@@ -70,9 +71,7 @@ def print_remarks(map_: ReadyMap) -> None:
 
 def pairer_of(plugins: Plugins, config: Config, asked: Asked) -> Pairer:
     """What matches by the rules asked for; raises UsageError when they cannot be used."""
-    table = build_table(plugins, asked.rules or config.rules)
-    if asked.matcher is not None:
-        table = with_matcher(table, asked.matcher, plugins)
+    table = substituted(build_table(plugins, asked.rules or config.rules), plugins, matcher=asked.matcher)
     workshop = Workshop(plugins)
     workshop.prepare(table)
     return Pairer(workshop, table)
@@ -132,7 +131,7 @@ def print_pairing(console: Console, pairing: Pairing, *, all_hypotheses: bool) -
 def _headline(pairing: Pairing) -> str:
     said = {
         "provisional": "accepted: B's map is merged into A's, provisionally, for nothing new has tested it yet",
-        "ambiguous": "ambiguous: more than one place fits, so the maps are not merged",
+        "ambiguous": "ambiguous: probable, but not enough to merge, or more than one place fits: the maps are not merged",
         "unmatched": "unmatched: no hypothesis is good enough, so the maps are not merged",
         "rejected": "rejected: the decision table does not let these maps be matched",
     }

@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
 from mapgraft.attempt import Attempt, Attempts
-from mapgraft.contracts import (
-    Acceptor,
-    Candidate,
-    Decision,
-    Donation,
-    Map,
-    Match,
-    Matcher,
-    Measurement,
-    Prior,
-    Provenance,
-)
-from mapgraft.decision import DecisionTable, Ruling, build_table, facts_of
-from mapgraft.errors import PluginError, UsageError
+from mapgraft.contracts import Donation, Map, Match, Measurement, Provenance
+from mapgraft.decision import DecisionTable, Ruling, facts_of
 from mapgraft.matching.ready_map import ReadyMap
-from mapgraft.plugins import Plugins
 from mapgraft.procedures import Tools, Workshop
+from mapgraft.witness import Witness
 
 Outcome = Literal["provisional", "ambiguous", "unmatched", "rejected"]
 MERGE_ID = "a.b.1"
@@ -71,41 +58,6 @@ class Pairing:
 
 
 @dataclass(slots=True)
-class _Witness:
-    """Stands in for a rule's matcher and acceptor, asks them, and remembers what they said."""
-
-    matcher: Matcher
-    acceptor: Acceptor
-    found: Sequence[Match] = ()
-    candidates: Sequence[Candidate] = ()
-    decision: Decision | None = None
-    match_s: float = 0.0
-
-    def match(self, target: Map, source: Map, prior: Prior | None = None) -> Sequence[Match]:
-        began_s = time.perf_counter()
-        try:
-            self.found = self.matcher.match(target, source, prior)
-        finally:
-            self.match_s = time.perf_counter() - began_s
-        return self.found
-
-    def accept(self, candidates: Sequence[Candidate]) -> Decision:
-        self.candidates, self.decision = candidates, None
-        self.decision = self.acceptor.accept(candidates)
-        return self.decision
-
-    def hypotheses(self, attempt: Attempt) -> tuple[Hypothesis, ...]:
-        """All that the matcher found, with what was measured of them."""
-        measured = {id(candidate.match): candidate.measurements for candidate in self.candidates}
-        taken = self.decision.chosen if attempt.grafted and self.decision else None
-        chosen = None if taken is None else self.candidates[taken].match
-        return tuple(
-            Hypothesis(match, tuple(measured[id(match)].values()) if id(match) in measured else None, match is chosen)
-            for match in self.found
-        )
-
-
-@dataclass(slots=True)
 class Pairer:
     """Matches ready maps by a decision table, and remembers for each receiver what can be used again."""
 
@@ -122,10 +74,8 @@ class Pairer:
         ruling = self.table.choose(facts_of(a.metadata, b.metadata))
         if ruling.rule is None or ruling.rejected:
             return Pairing(a, b, ruling, "rejected", ruling.reason)
-        tools = self.workshop.tools(ruling.rule)
-        witness = _Witness(tools.matcher, tools.acceptor)
-        watched = dataclasses.replace(tools, matcher=witness, acceptor=witness)
-        attempt = self._attempt(watched, a, b)
+        witness = Witness()
+        attempt = self._attempt(witness.watch(self.workshop.tools(ruling.rule)), a, b)
         elapsed_s = time.perf_counter() - began_s
         return Pairing(
             a,
@@ -133,9 +83,9 @@ class Pairer:
             ruling,
             attempt.verdict,
             attempt.reason,
-            witness.hypotheses(attempt),
+            _hypotheses(witness, attempt),
             _merged(a, attempt) if fuse else None,
-            witness.match_s,
+            sum(witness.match_s),
             elapsed_s,
         )
 
@@ -160,15 +110,14 @@ def _merged(a: ReadyMap, attempt: Attempt) -> Map | None:
     return fused
 
 
-def with_matcher(table: DecisionTable, name: str, plugins: Plugins) -> DecisionTable:
-    """The table with one matcher in the place of every procedure's own, with that matcher's default parameters.
-
-    Raises UsageError when there is no such matcher.
-    """
-    try:
-        plugins.find("matcher", name)
-    except PluginError as error:
-        raise UsageError(str(error)) from None
-    rules = [record.rule for record in table.records if record.lacking is None]
-    changed = [rule.model_dump() | ({} if rule.match is None else {"match": {"use": name}}) for rule in rules]
-    return build_table(plugins, changed)
+def _hypotheses(witness: Witness, attempt: Attempt) -> tuple[Hypothesis, ...]:
+    """All that the matcher found, with what was measured of them."""
+    found = witness.found[0] if witness.found else ()
+    candidates = witness.candidates[0] if witness.candidates else ()
+    measured = {id(candidate.match): candidate.measurements for candidate in candidates}
+    taken = witness.decisions[0].chosen if attempt.grafted and witness.decisions else None
+    chosen = None if taken is None else candidates[taken].match
+    return tuple(
+        Hypothesis(match, tuple(measured[id(match)].values()) if id(match) in measured else None, match is chosen)
+        for match in found
+    )
