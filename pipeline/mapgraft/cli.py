@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import Annotated, cast
@@ -257,7 +258,12 @@ def plugins_show(
 
 def main() -> None:
     """The entry point of the command ``mapgraft``."""
-    sys.exit(invoke(sys.argv[1:]))
+    code = invoke(sys.argv[1:])
+    if code == INTERRUPTED:  # at once: where Ctrl-C met code made at run time, Python would end itself by the signal
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    sys.exit(code)
 
 
 def invoke(arguments: list[str]) -> int:

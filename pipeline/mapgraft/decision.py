@@ -18,7 +18,7 @@ from mapgraft.contracts import DecisionTableError, MapMetadata, PluginError
 from mapgraft.plugins import Broken, PluginKind, Plugins
 
 Value = bool | int | float | str
-PAIR_FIELDS = ("resolution_ratio", "scale_known", "prior", "reversal")
+PAIR_FIELDS = ("resolution_ratio", "scale_known", "prior", "prior_sigma_m", "reversal")
 METADATA_FIELDS = tuple(f.name for f in dataclasses.fields(MapMetadata) if f.name != "extra")
 
 
@@ -227,14 +227,19 @@ class DecisionTable:
 
 
 def facts_of(
-    own: MapMetadata, other: MapMetadata, prior: bool = False, reversal: ReversalName = "ledger"
+    own: MapMetadata, other: MapMetadata, prior_sigma_m: float | None = None, reversal: ReversalName = "ledger"
 ) -> dict[str, Value]:
-    """The fields that conditions may ask for; what a map does not tell is absent."""
+    """The fields that conditions may ask for; what a map does not tell is absent.
+
+    ``prior_sigma_m`` is how uncertain a known relative pose is, None where nobody knows one.
+    """
     facts: dict[str, Value] = {
-        "prior": prior,
+        "prior": prior_sigma_m is not None,
         "reversal": reversal,
         "scale_known": own.scale_known and other.scale_known,
     }
+    if prior_sigma_m is not None:
+        facts["prior_sigma_m"] = prior_sigma_m
     if own.resolution_m and other.resolution_m:
         facts["resolution_ratio"] = own.resolution_m / other.resolution_m
     for side, metadata in (("own", own), ("other", other)):

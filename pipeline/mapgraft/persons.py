@@ -68,6 +68,13 @@ def prior_of(config: PriorConfig) -> Prior:
     return Prior(T, planar_covariance(config.sigma_m, config.sigma_yaw_rad), "given by a person")
 
 
+def sigma_m(prior: Prior | None) -> float | None:
+    """The greatest standard deviation of a prior's translation (m); None without one."""
+    if prior is None:
+        return None
+    return math.sqrt(max(0.0, float(np.linalg.eigvalsh(prior.covariance[:3, :3])[-1])))
+
+
 def planar_covariance(sigma_m: float, sigma_yaw_rad: float) -> Covariance:
     """A (6, 6) covariance that knows z, roll and pitch: their rows are zero."""
     covariance = np.zeros((6, 6))

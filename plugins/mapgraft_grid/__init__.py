@@ -11,6 +11,8 @@ _GRID = ("occupancy_grid",)
 _EVIDENCE: Final = {
     "bayes_factor": ("bayes_factor:BayesFactor", "log Bayes factor: do both maps see the same, or what is unrelated?"),
     "contradiction": ("walls:Contradiction", "share of walls that stand in the other map's free space"),
+    "kappa": ("walls:Kappa", "agreement of the cells beyond that of unrelated maps (Cohen's kappa)"),
+    "margin": ("margin:Margin", "how far the match's score lies above that of the best other hypothesis"),
     "recall": ("walls:Recall", "share of walls that the other map has too"),
     "rays": ("traces:Rays", "share of both robots' beams that contradict the other map's walls and free space"),
     "paths": ("traces:Paths", "cells of the other map's walls that a robot drove through"),

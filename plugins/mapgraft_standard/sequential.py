@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from mapgraft.contracts import ConfigError, Measurement, Sample, Verdict
+from mapgraft.contracts import ConfigError, Measurement, PluginError, Sample, Verdict
 from mapgraft_standard.limits import mapping_of
 
 REVERSALS = ("ledger", "multi_map", "single_map")
@@ -18,13 +18,19 @@ class Sequential:
     The metric ``news`` tells how many independent pieces of new evidence speak for the merge (its detail ``agreed``)
     and ``against`` it. A piece is against a right merge with probability ``against_right`` and against a wrong one with
     ``against_wrong``, so that each moves the log-odds Λ that the merge is wrong. Λ starts from what the metric
-    ``prior`` (a probability that the merge is right) said at the merge, but no surer than ``prior_max`` nats. The merge
-    is reverted when Λ ≥ log((1 - false_confirm) / false_revert), and confirmed when Λ ≤ log(false_confirm / (1 -
-    false_revert)) and at least ``new_m`` metres of new walls agree, because confirming needs new evidence.
+    ``prior`` (a probability that the merge is right) said when it was accepted, but no surer than ``prior_max`` nats.
+    The merge is reverted when Λ ≥ log((1 - false_confirm) / false_revert), and confirmed when Λ ≤ log(false_confirm /
+    (1 - false_revert)) and at least ``new_m`` metres of new walls agree, because confirming needs new evidence.
+
+    The rates are risks: of merges accepted alike, at most ``false_revert`` are right and reverted, and at most
+    ``false_confirm`` wrong and confirmed, as far as ``prior`` and the two shares are true. With ``prior_max`` 0 they
+    are Wald's error probabilities, whatever the prior. The default shares come from simulated buildings, where .05 of
+    the blocks speak against right merges, .3 against wrong ones that look good, and .5 against any wrong one.
 
     A confirmed merge is watched on; it is reverted only when what speaks against it lies in at least ``places`` patches
     (the detail ``places``): a shut door or a person is no wrong merge. A merge is also reverted when ``prior``,
-    measured again on the maps as they have become, is below ``revert_below``.
+    measured again on the maps as they have become, is below ``revert_below``; not under ``single_map``, whose merged
+    map holds the donor itself.
 
     ``confirm`` false never confirms; ``reversals`` replaces it under a reversal, because a merged map agrees with a
     donor that it contains: ``{single_map: {confirm: false}}``.
@@ -38,9 +44,9 @@ class Sequential:
         news: str = "news",
         prior: str = "posterior",
         false_revert: float = 0.001,
-        false_confirm: float = 0.001,
-        against_right: float = 0.1,
-        against_wrong: float = 0.5,
+        false_confirm: float = 0.005,
+        against_right: float = 0.08,
+        against_wrong: float = 0.4,
         prior_max: float = 6.0,
         new_m: float = 2.0,
         places: int = 3,
@@ -72,9 +78,11 @@ class Sequential:
         if not history:
             return Verdict("keep", "nothing has been measured yet")
         latest, news = history[-1], history[-1].measurements.get(self.news)
-        if (fallen := self._fallen(history)) is not None:
+        if news is None:
+            raise PluginError(f"the metric {self.news} was not measured: a rule must name it among its metrics")
+        if reversal != "single_map" and (fallen := self._fallen(history)) is not None:
             return Verdict("revert", fallen)
-        if news is None or not news.support:
+        if not news.support:
             return Verdict("keep", "no new evidence yet")
         agreed, against, places = (_detail(news, name) for name in ("agreed", "against", "places"))
         start = self._start(history[0])

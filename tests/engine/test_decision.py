@@ -23,7 +23,7 @@ def table_of(plugins, tmp_path, text: str):
 def facts():
     own = MapMetadata("beacons", resolution_m=0.05, known_area_m2=20.0, extra={"floor": 2, "indoor": True})
     other = MapMetadata("beacons", resolution_m=0.10, known_area_m2=8.0)
-    return facts_of(own, other, prior=False, reversal="ledger")
+    return facts_of(own, other, reversal="ledger")
 
 
 @pytest.mark.parametrize(

@@ -17,9 +17,10 @@ from mapgraft.contracts import Layer, Map, MapType, Match, Metric, Observation, 
 from mapgraft_grid.evidence.bayes_factor import BayesFactor
 from mapgraft_grid.evidence.features import IN_NATS, features_of
 from mapgraft_grid.evidence.joint import TOLERANCE_M, joint_of, standing_of
+from mapgraft_grid.evidence.margin import Margin
 from mapgraft_grid.evidence.posterior import Posterior
 from mapgraft_grid.evidence.traces import Paths, Rays
-from mapgraft_grid.evidence.walls import Contradiction, Recall
+from mapgraft_grid.evidence.walls import Contradiction, Kappa, Recall
 from mapgraft_grid.grid_map import FREE, OCCUPIED, GridMap
 from mapgraft_grid.layer import GridLayer
 from mapgraft_grid.map_type import OccupancyGrid
@@ -27,7 +28,7 @@ from mapgraft_grid.map_type import OccupancyGrid
 GRIDS = OccupancyGrid(resolution_m=0.1)
 MakeMap = Callable[..., GridMap]
 HERE = Match(Transform.identity(), 100.0, 50.0, evidence={IN_NATS: 100.0})
-METRICS = (BayesFactor(), Contradiction(), Recall(), Rays(), Paths(), Posterior())
+METRICS = (BayesFactor(), Kappa(), Margin(), Contradiction(), Recall(), Rays(), Paths(), Posterior())
 
 
 @dataclasses.dataclass(slots=True)
@@ -83,6 +84,14 @@ def test_equal_maps_agree_in_everything(grid_map_of: MakeMap) -> None:
     assert found.walls_m == found.near_m
     assert found.walls_m[0] == pytest.approx(20.0, abs=1.5)  # 2 · (6 + 4) m, in blocks
     assert found.bad == 0 < found.good
+
+
+def test_kappa_and_margin_are_told_as_metrics(grid_map_of: MakeMap) -> None:
+    pair = Pair(grid_map_of(room()), grid_map_of(room()))
+    assert value(Kappa(), pair) == 1.0
+    assert value(Margin(), pair) == 50.0
+    alone = Margin().track(dataclasses.replace(pair, match=dataclasses.replace(HERE, margin=math.inf))).update(Step())
+    assert math.isnan(alone.value) and alone.support == 0
 
 
 def test_maps_that_share_nothing_say_nothing(grid_map_of: MakeMap) -> None:

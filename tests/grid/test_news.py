@@ -142,6 +142,37 @@ def test_what_the_donor_newly_maps_is_new_evidence(scan_in_room: MakeScan, grid_
     assert tracker.update(Step(None, (), donor_changed=True)).details == found.details
 
 
+@pytest.mark.parametrize(("subject", "support"), [("own", True), ("merged", False)])
+def test_a_ready_made_map_votes_but_not_with_the_donors_own_cells(
+    grid_map_of: MakeMap, message_of: MakeScan, subject: Literal["own", "merged"], support: bool
+) -> None:
+    """The receiver gets its map anew, now of the whole room; a merged map held the donor's cells all along."""
+    donor = grid_map_of(room(), origin_cell=(-61, -41))
+    half = room()
+    half[:, 61:] = 0
+    own, whole = grid_map_of(half, origin_cell=(-61, -41)), grid_map_of(room(), origin_cell=(-61, -41))
+    pair = Pair(own if subject == "own" else whole, donor, GRIDS.new_layer(), GRIDS.new_layer(), subject)
+    tracker = News().track(pair)
+    pair.target = whole
+    message = message_of(np.array([-1, 0, 100], np.int8)[room()], 0.1, (-6.1, -4.1, 0.0))
+    measured = tracker.update(Step(None, (message,)))
+    assert (measured.support > 0) == support
+    assert not measured.details["against"]
+
+
+def test_blocks_of_coarse_grids_are_larger(scan_in_room: MakeScan) -> None:
+    """Three cells at least, so that one beam decides nothing."""
+    coarse = OccupancyGrid(resolution_m=0.4)
+    own, donor = coarse.new_layer(), coarse.new_layer()
+    coarse.integrate(own, scan_in_room(-3.0, 0.0, math.pi))
+    for x in (-2.0, 0.0, 2.0):
+        coarse.integrate(donor, scan_in_room(x, 0.0, 0.0, 3.0))
+    pair = Pair(coarse.view(own), coarse.view(donor), own, donor, map_type=coarse)
+    measured = News().track(pair).update(Step(None, (scan_in_room(0.0, 0.0, 0.0),)))
+    assert measured.support >= 2
+    assert measured.details["agreed_m"] == pytest.approx(1.2 * measured.details["agreed"])
+
+
 @settings(deadline=None, max_examples=20)
 @given(st.integers(0, 2**32 - 1))
 def test_telling_scans_one_by_one_or_together_is_the_same(

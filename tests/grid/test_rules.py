@@ -58,7 +58,7 @@ def test_the_package_registers_what_it_has() -> None:
 def test_a_pose_that_somebody_knows_goes_first() -> None:
     by_priority = sorted(rules().values(), key=lambda rule: -rule.priority)
     assert [rule.procedure.match.use for rule in by_priority] == ["known_pose", "correlation"]
-    assert by_priority[0].when["prior"] is True
+    assert by_priority[0].when["prior_sigma_m"].max == 0.5
     facts = facts_of(MapMetadata("occupancy_grid", 0.05), MapMetadata("occupancy_grid", 0.5))
     low = by_priority[1].when["resolution_ratio"]
     assert low.min <= facts["resolution_ratio"] <= low.max

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mapgraft.contracts import ConfigError, Measurement, Sample
+from mapgraft.contracts import ConfigError, Measurement, PluginError, Sample
 from mapgraft_standard.sequential import Sequential
 
 
@@ -87,21 +87,51 @@ def test_more_against_never_helps(agreed: int, against: int, posterior: float) -
     assert order[verdicts[0]] <= order[verdicts[1]]
 
 
+RATES = {"false_revert": 0.02, "false_confirm": 0.02, "against_right": 0.1, "against_wrong": 0.5, "new_m": 0.0}
+
+
+def played(verifier: Sequential, share: float, posterior: float, random: np.random.Generator) -> str:
+    """What becomes of a merge that was accepted with this probability, block by block."""
+    agreed = against = 0
+    for is_against in random.random(400) < share:
+        against, agreed = against + int(is_against), agreed + int(not is_against)
+        action = verifier.verify([sample(posterior=posterior), sample(agreed, against)], "ledger").action
+        if action != "keep":
+            return action
+    return "keep"
+
+
 @pytest.mark.parametrize(("share", "error"), [(0.1, "revert"), (0.5, "confirm")])
-def test_stated_error_rates_hold(share: float, error: str) -> None:
-    """Wald's bounds: of right merges at most false_revert are reverted, of wrong ones false_confirm confirmed."""
-    verifier = Sequential(false_revert=0.02, false_confirm=0.02, new_m=0.0)
+def test_without_a_prior_the_rates_are_walds(share: float, error: str) -> None:
+    """Of right merges at most false_revert are reverted, of wrong ones false_confirm confirmed."""
+    verifier = Sequential(**RATES, prior_max=0.0)
     random = np.random.default_rng(7)
-    wrong_way = 0
-    for _ in range(1000):
-        agreed = against = 0
-        for is_against in random.random(400) < share:
-            against, agreed = against + int(is_against), agreed + int(not is_against)
-            action = verifier.verify([sample(), sample(agreed, against)], "ledger").action
-            if action != "keep":
-                wrong_way += action == error
-                break
+    wrong_way = sum(played(verifier, share, 0.99, random) == error for _ in range(1000))
     assert wrong_way <= 32  # 20 are expected at most; three standard deviations more
+
+
+@pytest.mark.parametrize("posterior", [0.8, 0.95])
+def test_with_a_true_prior_the_rates_are_risks(posterior: float) -> None:
+    """Of all merges accepted alike, so many are wrong and confirmed or right and reverted at most."""
+    verifier = Sequential(**RATES)
+    random = np.random.default_rng(8)
+    confirmed = reverted = 0
+    for right in (random.random(1500) < posterior).tolist():
+        action = played(verifier, 0.1 if right else 0.5, posterior, random)
+        confirmed, reverted = confirmed + (action == "confirm" and not right), reverted + (action == "revert" and right)
+    assert confirmed <= 46  # 30 are expected at most; three standard deviations more
+    assert reverted <= 46
+
+
+def test_a_merged_map_says_nothing_of_the_prior_later() -> None:
+    told = [sample(posterior=0.999), sample(posterior=0.02)]
+    assert Sequential().verify(told, "single_map").action == "keep"
+
+
+def test_the_rule_must_name_the_news() -> None:
+    lacking = Sample(0, 0, {"posterior": Measurement("posterior", 0.9, "1", 9, "higher")})
+    with pytest.raises(PluginError, match="news was not measured"):
+        Sequential().verify([lacking], "ledger")
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from mapgraft.contracts import MapMetadata
 from mapgraft.decision import METADATA_FIELDS, DecisionTable, Ruling, Value, build_table, facts_of
 from mapgraft.errors import UsageError
 from mapgraft.job import as_config, map_alone
+from mapgraft.persons import RECORDED_SIGMA_M, sigma_m
 from mapgraft.plugins import load_plugins
 from mapgraft.robot import Robot
 
@@ -67,7 +68,8 @@ def _described(table: DecisionTable, question: Question) -> _Answer:
     own, other = _metadata("--own", question.own), _metadata("--other", question.other)
     if question.reversal not in get_args(ReversalName):
         raise UsageError(f"--reversal must be one of {', '.join(get_args(ReversalName))}, found {question.reversal!r}")
-    facts = facts_of(own, other, question.prior, cast("ReversalName", question.reversal))
+    uncertain_m = RECORDED_SIGMA_M if question.prior else None
+    facts = facts_of(own, other, uncertain_m, cast("ReversalName", question.reversal))
     return _Answer("own", "other", facts, table.choose(facts))
 
 
@@ -76,8 +78,8 @@ def _recorded(robots: Mapping[str, Robot], table: DecisionTable) -> Iterator[_An
     metadata = {name: robot.map_type.metadata(robot.reversal.offered_layer()) for name, robot in robots.items()}
     for receiver, donor in permutations(sorted(robots), 2):
         own = robots[receiver]
-        prior = (receiver, donor) in own.hand.priors
-        facts = facts_of(metadata[receiver], metadata[donor], prior, own.reversal.name)
+        uncertain_m = sigma_m(own.hand.priors.get((receiver, donor)))
+        facts = facts_of(metadata[receiver], metadata[donor], uncertain_m, own.reversal.name)
         yield _Answer(receiver, donor, facts, table.choose(facts))
 
 

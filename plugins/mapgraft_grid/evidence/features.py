@@ -41,8 +41,7 @@ def features_of(comparison: Comparison) -> Mapping[str, float]:
     }
     match = comparison.match
     if IN_NATS in match.evidence:
-        ahead = evidence - max(0.0, match.score - match.margin)  # an infinite margin has no rival
-        out["margin"] = max(-1.0, min(1.0, ahead / max(evidence, _LEAST_NATS)))
+        out["margin"] = max(-1.0, min(1.0, match.margin / max(match.score, _LEAST_NATS)))
     beams, steps = beams_of(comparison, "posterior"), steps_of(comparison, "posterior")
     if beams.support:
         out["beams"] = math.log((beams.stood + 2.0) / (beams.free_end + beams.through + 2.0))

@@ -19,19 +19,21 @@ from mapgraft_grid.overlap import pair_of
 from mapgraft_grid.region import GridRegion
 
 BLOCK_M: Final = 0.5  # what lies in one block is seen or missed together: it counts once
-VOTES_MIN: Final = 3  # cells: fewer decide nothing, where a block has that many in a row
+LEAST_BLOCK: Final = 3  # cells: of coarse grids blocks are larger
+VOTES_MIN: Final = 2  # cells: fewer decide nothing
+KNOWN_M: Final = 0.15  # what is so near a wall that the receiver knew is nothing new
 
 
 class News:
     """The share of blocks that speak against the donor's place, among those of 0.5 m that speak at all, on evidence
     that is newer than the placement.
 
-    A block speaks when at least 3 of its cells have voted, each once. A beam of the receiver that ends where it knew
-    nothing when the donor was placed votes for the donor within 0.25 m of a wall of it, and against it in its free
-    space; one that goes through a wall of the donor votes against it there. When the donor has mapped on, the cells
-    vote that it has newly come to know and the receiver knows. After the merge was registered anew only what is newer
-    than that votes; what was counted before stays. Where a merged map is compared, which cannot tell what the receiver
-    knew, all beams since the merge vote.
+    A block speaks when at least 2 of its cells have voted, each once. A beam of the receiver that ends where it knew
+    nothing when the donor was placed, nor a wall within 0.15 m, votes for the donor within 0.25 m of a wall of it, and
+    against it in its free space; one that goes through a wall of the donor votes against it there. When the donor has
+    mapped on, the cells vote that it has newly come to know and the receiver knows. After the merge was registered anew
+    only what is newer than that votes; what was counted before stays. Where a merged map is compared, which cannot tell
+    what the receiver knew, all beams since the merge vote.
 
     The value is NaN as long as no block speaks; the support is their number. Details: ``agreed`` and ``against``
     (blocks), ``agreed_m``, the length of new walls that stand where the donor has them, and ``places``, in how many
@@ -79,7 +81,8 @@ class NewsTracker:
         if step.observations:
             beams, kinds = beams_of(step.observations, self._lattice, self._reach_m)
             kernel.hear(self._cells, self._votes, self._places, self._tally, beams, kinds, self._where)
-            if any(observation.kind != SCAN for observation in step.observations):
+            ready_made = any(observation.kind != SCAN for observation in step.observations)
+            if ready_made and self._comparison.subject == "own":  # a merged map would vote with the donor's own cells
                 self._compare_new()
         return self._measured()
 
@@ -102,7 +105,7 @@ class NewsTracker:
         details = {
             "agreed": float(agreed),
             "against": float(against),
-            "agreed_m": agreed * BLOCK_M,
+            "agreed_m": agreed * self._where[3] * self._where[0] * self._lattice.resolution_m,
             "places": float(places),
         }
         return Measurement("news", against / spoke if spoke else math.nan, "1", spoke, "lower", details)
@@ -123,7 +126,8 @@ class NewsTracker:
         fine = np.repeat(np.repeat(self._cells > 0, ratio, axis=0), ratio, axis=1)
         self.concerns = GridRegion.from_mask(self._lattice, (ratio * self._corner[0], ratio * self._corner[1]), fine)
         if self._comparison.subject == "own":  # a merged map does not tell what the receiver knew itself
-            self._cells[(own != UNKNOWN) | (_away(own) <= near)] |= kernel.KNOWN
+            beside = max(1, round(KNOWN_M / (ratio * self._lattice.resolution_m)))
+            self._cells[(own != UNKNOWN) | (_away(own) <= beside)] |= kernel.KNOWN
         self._cells |= np.minimum(away, kernel.FARTHEST).astype(np.uint8) << kernel.AWAY
         self._T = self._comparison.T_receiver_donor
 
@@ -131,13 +135,14 @@ class NewsTracker:
         """Make the window hold the donor and every vote so far; returns where the donor was known there before."""
         corner, cells, votes, places = self._corner, self._cells, self._votes, self._places
         ratio = max(1, round(CANONICAL_M / self._lattice.resolution_m))
-        block, near = (max(1, round(m / (ratio * self._lattice.resolution_m))) for m in (BLOCK_M, TOLERANCE_M))
+        cells_in = (round(m / (ratio * self._lattice.resolution_m)) for m in (BLOCK_M, TOLERANCE_M))
+        block, near = (max(least, count) for least, count in zip((LEAST_BLOCK, 1), cells_in, strict=True))
         x0, y0, x1, y1 = _box(donor, ratio, block * kernel.PATCH, near)
         if cells.size:
             x0, y0 = min(x0, corner[0]), min(y0, corner[1])
             x1, y1 = max(x1, corner[0] + cells.shape[1]), max(y1, corner[1] + cells.shape[0])
         self._corner, shape = (x0, y0), (y1 - y0, x1 - x0)
-        self._where = (ratio, x0, y0, block, max(1, min(VOTES_MIN, block // 2)), near)
+        self._where = (ratio, x0, y0, block, VOTES_MIN, near)
         self._cells = np.zeros(shape, np.uint8)
         self._votes = np.zeros((shape[0] // block, shape[1] // block, 2), np.int32)
         patch = block * kernel.PATCH

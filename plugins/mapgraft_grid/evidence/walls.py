@@ -1,4 +1,4 @@
-"""Whether the walls of two maps are where the other has walls: contradiction and recall."""
+"""Whether two maps say the same, and have their walls where the other has walls: kappa, contradiction, recall."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 
 from mapgraft.contracts import Comparison, Measurement, Step
 from mapgraft_grid.evidence.joint import BLOCK_M, Standing, standing_of
+from mapgraft_grid.similarity import kappa
 
 
 class Contradiction:
@@ -30,6 +31,27 @@ class Recall:
 
     def track(self, comparison: Comparison) -> _RecallTracker:
         return _RecallTracker(comparison)
+
+
+class Kappa:
+    """Cohen's κ of the classes where both maps know something: their agreement beyond that of unrelated maps.
+
+    The value is NaN where one class is all there is. The support is the number of jointly known cells (about 0.1 m).
+    """
+
+    def track(self, comparison: Comparison) -> _KappaTracker:
+        return _KappaTracker(comparison)
+
+
+class _KappaTracker:
+    __slots__ = ("_comparison",)
+
+    def __init__(self, comparison: Comparison) -> None:
+        self._comparison = comparison
+
+    def update(self, step: Step) -> Measurement:
+        table = standing_of(self._comparison, "kappa").table
+        return Measurement("kappa", kappa(table), "1", int(table.sum()), "higher")
 
 
 class _ContradictionTracker:
