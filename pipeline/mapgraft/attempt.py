@@ -18,6 +18,7 @@ from mapgraft.contracts import (
     Measurement,
     Prior,
     Step,
+    Transform,
 )
 from mapgraft.errors import MapError
 from mapgraft.procedures import Tools, Workshop, blaming
@@ -128,15 +129,17 @@ class Attempts:
         with blaming(tools):
             return self._graft(tools, meeting, match)
 
-    def find_move(self, tools: Tools, meeting: Meeting, standing: Match, site: Site) -> Move | None:
-        """A better transform for a standing merge, by the rule's matcher; None where it stands well.
+    def find_move(
+        self, tools: Tools, meeting: Meeting, standing: Match, accepted: Transform, site: Site
+    ) -> Move | None:
+        """A better transform at the place at which a standing merge was accepted; None where it stands well.
 
         A place from which the donor was taken out before is none, nor is one for a matcher that refuses the maps.
         Raises PluginError when the matcher fails in any other way.
         """
         try:
             with blaming(tools):
-                move = find_move(tools.matcher, meeting.target, meeting.source, standing, site)
+                move = find_move(tools.matcher, meeting.target, meeting.source, standing, accepted, site)
         except MapError:
             return None
         if move is None:

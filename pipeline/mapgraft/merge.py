@@ -18,6 +18,7 @@ from mapgraft.contracts import (
     Tracker,
     Verdict,
 )
+    Transform,
 from mapgraft.procedures import Tools, blaming
 from mapgraft.registration import Site
 from mapgraft.trail import Trail
@@ -92,7 +93,8 @@ class Merge:
     """A standing merge with its metrics. ``merge_id`` is ``<receiver>.<donor>.<n>``.
 
     ``match`` is the hypothesis by which it stands now, ``site`` where the donor's map is, ``meeting`` the two maps as
-    far as they are needed to register the merge anew. ``history`` holds the samples that have all the verifier looks
+    far as they are needed to register the merge anew. ``stood`` are the transforms at which it stood: the first is the
+    one that was accepted, the last that of now. ``history`` holds the samples that have all the verifier looks
     at: the first one, and the latest.
     """
 
@@ -111,6 +113,7 @@ class Merge:
     due_at: int = 0  # observation of the receiver at which there is something to do next
     _began: int = 0
     _registered: int = 0
+    stood: list[Transform] = field(init=False)
     _known: tuple[int, int] = (0, 0)
     _told: int = 0
     _said: str = ""
@@ -122,6 +125,7 @@ class Merge:
         self._judged, self._logged = _Round(verify.every), _Round(verify.told_every)
 
     @property
+        self.stood = [self.comparison.T_receiver_donor]
     def donor(self) -> str:
         return self.provenance.source
 
@@ -172,6 +176,8 @@ class Merge:
         for watch in self._watches:
             watch.everything = True
 
+        if made.T_receiver_donor != self.stood[-1]:
+            self.stood.append(made.T_receiver_donor)
     def measure(self, stamp_ns: int, everything: bool = False) -> Sample | None:
         """Measure what is due, or ``everything``; None when nothing has happened that makes a difference.
 
@@ -205,18 +211,23 @@ class Merge:
         """Find out when there is something to do again."""
         now = self.trail.now
         self.due_at = min(self._judged.next_after(now), self._logged.next_after(now))
-        if self.meeting is not None and (every := self.tools.rule.refine.every) is not None:
+        if self.may_move and (every := self.tools.rule.refine.every) is not None:
             self.due_at = min(self.due_at, max(self._registered + every, now + 1))
 
     def is_to_register(self) -> bool:
         """Whether it is time to ask whether the maps have grown enough to register the merge anew."""
         every = self.tools.rule.refine.every
-        return self.meeting is not None and every is not None and self.trail.now >= self._registered + every
+        return self.may_move and every is not None and self.trail.now >= self._registered + every
 
     def has_grown(self, meeting: Meeting) -> bool:
         """Whether one of the maps that meet knows so much more now that the merge is to be registered anew.
 
         If so that is taken as done, if not it is asked again when it is time the next time.
+    @property
+    def may_move(self) -> bool:
+        """Whether it may be registered anew; what a person decided stays where it is."""
+        return self.meeting is not None and not self.decided_by_person
+
         """
         known = (meeting.target.known(), meeting.source.known())
         least = 1.0 + self.tools.rule.refine.growth

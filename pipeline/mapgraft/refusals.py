@@ -5,21 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 from mapgraft.contracts import Match, Transform
-from mapgraft.persons import same_place
+from mapgraft.registration import displacement
+
+NEAR_M: Final = 1.0  # a wrong match that slides a little is the same wrong match
+NEAR_RAD: Final = math.radians(10.0)
 
 
 @dataclass(slots=True)
 class Refusal:
-    """One reverted merge.
+    """One reverted merge, and all transforms at which it stood.
 
-    ``score`` is the matcher's at this place when the merge was registered last or, where that is more, when the place
-    came out for the first time after the revert: what the maps had gained until then could not save it.
+    ``score`` is the matcher's when the merge was registered last or, where that is more, when the place came out for
+    the first time after the revert: what the maps had gained until then could not save it.
     """
 
     merge_id: str
-    T_receiver_donor: Transform
+    stood: tuple[Transform, ...]
     score: float
     by_person: bool = False
     seen_again: bool = False
@@ -27,6 +31,11 @@ class Refusal:
     def needs(self, factor: float) -> float:
         """The score above which the transform is taken again."""
         return self.score + (factor - 1.0) * abs(self.score)
+
+    def is_near(self, T_receiver_donor: Transform, about_m: Sequence[float]) -> bool:
+        """Whether a transform puts the donor's map where the merge stood, or close by."""
+        apart = (displacement(T, T_receiver_donor, about_m) for T in self.stood)
+        return any(shift_m <= NEAR_M and turn_rad <= NEAR_RAD for shift_m, turn_rad in apart)
 
     def see(self, score: float) -> None:
         """Note that the place came out again with that score."""
@@ -57,7 +66,7 @@ class Refusals:
     def at(self, donor: str, T_receiver_donor: Transform, about_m: Sequence[float]) -> list[Refusal]:
         """What was taken out at this place; ``about_m`` is where the donor's map is, in its frame."""
         known = self.by_donor.get(donor, ())
-        return [refusal for refusal in known if same_place(refusal.T_receiver_donor, T_receiver_donor, about_m)]
+        return [refusal for refusal in known if refusal.is_near(T_receiver_donor, about_m)]
 
     def sift(self, donor: str, found: Sequence[Match], factor: float, about_m: Sequence[float]) -> Sifted:
         """Leave out matches where the donor was taken out, unless their score has grown by more than the factor."""

@@ -222,9 +222,9 @@ class Robot:
         self._swap(merge, grafted, move.reason, merge.tools.procedure.match.use, stamp_ns)
 
     def _find_move(self, merge: Merge, meeting: Meeting) -> Move | None:
-        if merge.meeting is None or not merge.has_grown(meeting):
+        if not merge.may_move or not merge.has_grown(meeting):
             return None
-        return self.attempts.find_move(merge.tools, meeting, merge.match, merge.site)
+        return self.attempts.find_move(merge.tools, meeting, merge.match, merge.stood[0], merge.site)
 
     def _swap(self, merge: Merge, grafted: Grafted, reason: str, by: str, stamp_ns: int, size: int = 0) -> None:
         """Replace the contribution by one of another layer, by another transform, or both.
@@ -265,14 +265,14 @@ class Robot:
     def revert(
         self, merge: Merge, stamp_ns: int, reason: str, by: str, sample: Sample | None = None, by_person: bool = False
     ) -> None:
-        """Take the donor's data out of the map again, and refuse this transform from now on."""
+        """Take the donor's data out of the map again, and refuse its places from now on."""
         self._snapshot("before revert", stamp_ns, merge.merge_id)
         exactness = self.reversal.revert(merge.merge_id)
         del self.merges[merge.donor]
         self._fused_changed()
         merge.state = "reverted"
-        T = merge.comparison.T_receiver_donor
-        self.attempts.refusals.add(merge.donor, Refusal(merge.merge_id, T, merge.match.score, by_person))
+        refusal = Refusal(merge.merge_id, tuple(merge.stood), merge.match.score, by_person)
+        self.attempts.refusals.add(merge.donor, refusal)
         self.journal.changed("reverted", stamp_ns, merge, reason, by, sample, exactness)
         self._snapshot("after revert", stamp_ns, merge.merge_id)
 

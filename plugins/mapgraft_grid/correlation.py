@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from mapgraft.contracts import ConfigError, Map, MapError, Match, Points, Prior, Transform
-from mapgraft_grid.bayes import Meeting, log_bayes_factors, meet, occupancy_prior
+from mapgraft_grid.bayes import Meeting, log_bayes_factor, log_bayes_factors, meet, occupancy_prior
 from mapgraft_grid.certainty import Certainty, Lattice, certainty
 from mapgraft_grid.correlation_search import search
 from mapgraft_grid.gate import Gate
@@ -50,8 +50,9 @@ class Correlation:
     Evidence: ``agreement``, ``disagreement``, ``overlap_cells``, ``occupied_agreement`` in cells of ``resolution_m``;
     ``occupied_m``, the length of the walls that both maps have; ``log_bayes_factor``, which is the score;
     ``rivals``, the number of other hypotheses with at least half of the best L; ``occupancy_prior``, the π of L; with a
-    covariance also ``sigma_max_m``, the greatest standard deviation of where the common walls lie, and
-    ``degenerate_dir_rad``, its direction in the target's frame in [0, π).
+    prior ``prior_score``, the L of its own transform as it is; with a covariance also ``sigma_max_m``, the greatest
+    standard deviation of where the common walls lie, ``degenerate_dir_rad``, its direction in the target's frame in
+    [0, π), and ``degenerate``, 1 when it is more than 0.25 m, as along a corridor.
     """
 
     def __init__(self, *, returned: int = 4) -> None:
@@ -70,7 +71,8 @@ class Correlation:
         if gate is not None:
             exact = [gate.clipped(*pair, theirs.centre_m) for pair in zip(exact, rough, strict=True)]
         found = _distinct(ours, theirs, exact, self.returned)
-        return [_told(ours, theirs, found, rank) for rank in range(len(found))]
+        asked = {} if prior is None else {"prior_score": log_bayes_factor(ours, theirs, prior.T_receiver_donor)}
+        return [_told(ours, theirs, found, rank, asked) for rank in range(len(found))]
 
 
 def _grid(name: str, map_: Map) -> GridMap:
@@ -106,7 +108,9 @@ def _same_place(a: _Hypothesis, b: _Hypothesis) -> bool:
     return turn <= OTHER_YAW_RAD and _mean_distance(a.spots, b.spots) <= OTHER_SHIFT_M
 
 
-def _told(target: Prepared, source: Prepared, found: Sequence[_Hypothesis], rank: int) -> Match:
+def _told(
+    target: Prepared, source: Prepared, found: Sequence[_Hypothesis], rank: int, asked: Mapping[str, float]
+) -> Match:
     """The match with its margin, its evidence, and how certain it is where the walls tell."""
     one = found[rank]
     score = one.met.log_bayes_factor
@@ -122,6 +126,7 @@ def _told(target: Prepared, source: Prepared, found: Sequence[_Hypothesis], rank
         "occupancy_prior": occupancy_prior(target, source),
         "resolution_m": target.unit_m,
     }
+        **asked,
     bare = Match(one.T, score, score - max(others) if others else math.inf, evidence=evidence)
     known = _certainty(target, source, one.T)
     if known is None:

@@ -73,12 +73,12 @@ def hear() -> Hear:
 def play(plugins, hear):
     """Replays tuples (second, robot, places…) and gives back the memory and the robots."""
 
-    def run(*observations, meet=(), reversal="ledger", hand=None, rules=None):
+    def run(*observations, meet=(), reversal="ledger", hand=None, rules=None, spacing_m=1.0):
         memory = Memory()
         history, workshop, table = History(memory), Workshop(plugins), build_table(plugins, rules)
         robots = {}
         for name in sorted({robot for _, robot, *_ in observations}):
-            map_type = beacon_plugin.Beacons()
+            map_type = beacon_plugin.Beacons(spacing_m=spacing_m)
             kept = new_reversal(reversal, map_type)
             journal = Journal(history, name, map_type, kept)
             robots[name] = Robot(name, map_type, kept, table, workshop, hand or Hand(), journal)

@@ -113,7 +113,7 @@ def matches(*scores: float, T: Transform = HERE) -> list[Match]:
 
 def test_a_reverted_place_needs_a_score_that_has_grown_since_it_was_seen_again():
     refusals = Refusals()
-    refusals.add("b", Refusal("a.b.1", HERE, 100.0))
+    refusals.add("b", Refusal("a.b.1", (HERE,), 100.0))
     # both maps went on until the revert: what the place scores then is no new evidence
     assert refusals.sift("b", matches(180.0), 1.5, ORIGIN).matches == []
     assert refusals.sift("b", matches(269.0), 1.5, ORIGIN).refused == (
@@ -129,14 +129,35 @@ def test_a_reverted_place_needs_a_score_that_has_grown_since_it_was_seen_again()
 
 def test_other_places_and_other_donors_are_free():
     refusals = Refusals()
-    refusals.add("b", Refusal("a.b.1", HERE, 100.0))
+    refusals.add("b", Refusal("a.b.1", (HERE,), 100.0))
     assert len(refusals.sift("b", matches(1.0, T=THERE), 1.5, ORIGIN).matches) == 1
     assert len(refusals.sift("c", matches(1.0), 1.5, ORIGIN).matches) == 1
 
 
+@pytest.mark.parametrize(
+    ("x_m", "degrees", "refused"),
+    (
+        (-11.0, 0.0, True),
+        (-11.1, 0.0, False),
+        (-9.5, 0.0, True),  # between the two
+        (-8.0, 0.0, True),
+        (-7.9, 0.0, False),
+        (-10.0, 9.9, True),
+        (-10.0, -10.1, False),
+    ),
+)
+def test_a_place_is_refused_near_every_transform_at_which_it_stood(x_m, degrees, refused):
+    refusals, about = Refusals(), (70.0, -20.0)
+    refusals.add("b", Refusal("a.b.1", (HERE, Transform.planar(-9.0, 0.0, 0.0)), 100.0))
+    beside = Transform.planar(*about, 0.0)
+    T = Transform.planar(x_m, 0.0, 0.0) @ beside @ Transform.planar(0.0, 0.0, math.radians(degrees)) @ beside.inverse()
+    assert bool(refusals.at("b", T, about)) is refused
+    assert (refusals.sift("b", matches(1.0, T=T), 1.5, about).matches == []) is refused
+
+
 def test_what_was_taken_out_is_no_rival_of_what_is_left():
     refusals = Refusals()
-    refusals.add("b", Refusal("a.b.1", HERE, 100.0))
+    refusals.add("b", Refusal("a.b.1", (HERE,), 100.0))
     far = Transform.planar(40.0, 0.0, 0.0)
     found = [Match(HERE, 100.0, 40.0), Match(THERE, 60.0, -40.0), Match(far, 25.0, -75.0)]
     left = refusals.sift("b", found, 1.5, ORIGIN).matches
@@ -147,7 +168,7 @@ def test_what_was_taken_out_is_no_rival_of_what_is_left():
 
 def test_what_a_person_took_out_is_never_taken_again_by_itself():
     refusals = Refusals()
-    refusals.add("b", Refusal("a.b.1", HERE, 1.0, by_person=True))
+    refusals.add("b", Refusal("a.b.1", (HERE,), 1.0, by_person=True))
     for score in (1.0, 1e9):
         sifted = refusals.sift("b", matches(score), 1.0, ORIGIN)
         assert sifted.matches == []
@@ -157,10 +178,10 @@ def test_what_a_person_took_out_is_never_taken_again_by_itself():
 @pytest.mark.parametrize("score", (-40.0, 0.0, 0.9, 500.0))
 def test_a_place_that_came_out_again_needs_more_whatever_the_sign_of_its_score(score):
     refusals = Refusals()
-    refusals.add("b", Refusal("a.b.1", HERE, score))
+    refusals.add("b", Refusal("a.b.1", (HERE,), score))
     for _ in range(3):
         assert refusals.sift("b", matches(score), 1.5, ORIGIN).matches == []
-    needed = Refusal("a.b.1", HERE, score).needs(1.5)
+    needed = Refusal("a.b.1", (HERE,), score).needs(1.5)
     assert needed >= score
     assert len(refusals.sift("b", matches(needed + 1e-6), 1.5, ORIGIN).matches) == 1
 
@@ -168,7 +189,7 @@ def test_a_place_that_came_out_again_needs_more_whatever_the_sign_of_its_score(s
 def test_a_share_cannot_grow_so_far():
     """Matchers whose score is a share of agreement never reach the factor: their places stay refused."""
     refusals = Refusals()
-    refusals.add("b", Refusal("a.b.1", HERE, 0.7))
+    refusals.add("b", Refusal("a.b.1", (HERE,), 0.7))
     assert refusals.sift("b", matches(1.0), 1.5, ORIGIN).matches == []
 
 

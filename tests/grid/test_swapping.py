@@ -24,9 +24,11 @@ from mapgraft.contracts import (
 from mapgraft.plugins import load_plugins
 from mapgraft.registration import Site, find_move
 from mapgraft.reversal import Ledger, MultiMap, new_reversal
+from mapgraft_grid.bayes import log_bayes_factor
 from mapgraft_grid.correlation import Correlation
 from mapgraft_grid.log_odds import LogOdds
 from mapgraft_grid.map_type import OccupancyGrid
+from mapgraft_grid.prepared import prepare
 from mapgraft_grid.region import GridRegion
 
 EXACT = ("ledger", "multi_map")
@@ -125,7 +127,7 @@ def test_the_correlation_matcher_moves_a_merge_to_the_truth_and_then_leaves_it(o
     site = Site.of(kind.metadata(own), kind.metadata(other))
     standing = Match(Transform.planar(*off) @ truth, 100.0, 5.0)
     maps = kind.view(own), kind.view(other)
-    move = find_move(Correlation(), *maps, standing, site)
+    move = find_move(Correlation(), *maps, standing, standing.T_receiver_donor, site)
     if off == (0.0, 0.0, 0.0):
         assert move is None or move.shift_m < 0.05
         return
@@ -133,7 +135,12 @@ def test_the_correlation_matcher_moves_a_merge_to_the_truth_and_then_leaves_it(o
     error_m, error_rad = move.match.T_receiver_donor.difference(truth)
     assert error_m < 0.06 and error_rad < math.radians(0.6)
     assert move.match.margin == 5.0
-    assert find_move(Correlation(), *maps, move.match, site) is None
+    unit_m = move.match.evidence["resolution_m"]
+    sides = (prepare(map_, unit_m) for map_ in maps)
+    assert move.score_before == log_bayes_factor(*sides, standing.T_receiver_donor) < move.match.score
+    assert find_move(Correlation(), *maps, move.match, standing.T_receiver_donor, site) is None
+    aside = Transform.planar(0.6, 0.0, 0.0) @ move.match.T_receiver_donor
+    assert find_move(Correlation(), *maps, standing, aside, site) is None  # accepted elsewhere
 
 
 REGION = st.lists(st.tuples(st.integers(-70, 140), st.integers(-70, 70)), max_size=6)

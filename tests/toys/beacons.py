@@ -82,13 +82,16 @@ class Chart:
 
 
 class Beacons:
-    """The map type.
+    """The map type; what others call a whole metre here is a place, and places lie ``spacing_m`` apart.
 
     Its observations are tuples of whole metres at which a beacon was heard, or mappings from whole metres to how much
     more often one was heard there than not.
     """
 
     name = BEACONS
+
+    def __init__(self, *, spacing_m: float = 1.0) -> None:
+        self.spacing_m = spacing_m
 
     def new_layer(self) -> Heard:
         return Heard()
@@ -119,7 +122,7 @@ class Beacons:
     def place(self, layer: Heard, T_receiver_donor: Transform, scale: float = 1.0) -> Heard:
         if not (evidence := layer.evidence()):
             raise EmptyMapError("there is no beacon to place")
-        shift = round(T_receiver_donor.x_m)
+        shift = round(T_receiver_donor.x_m / self.spacing_m)
         return Heard(Counter({at + shift: n for at, n in evidence.items()}))
 
     def absorb(self, layer: Heard, contribution: Contribution) -> Places:
@@ -153,7 +156,7 @@ class Beacons:
 
     def structure(self, map_: Chart, within: Chart | None = None) -> np.ndarray:
         heard = [at for at, n in map_.counts.items() if n > 0 and (within is None or at in within.counts)]
-        return np.array([(at, 0.0) for at in heard]).reshape(-1, 2)
+        return np.array([(at * self.spacing_m, 0.0) for at in heard]).reshape(-1, 2)
 
     def messages(self, map_: Chart) -> Iterable[OutputMessage]:
         return [OutputMessage("map", "std_msgs/msg/String", {"data": json.dumps(list(map_.counts.items()))})]
@@ -174,25 +177,33 @@ class Slide:
 
 
 class SlideNear:
-    """A matcher that knows how sure it is, and looks only where a prior says: every shift within three sigma of it."""
+    """A matcher that knows how sure it is, and looks only where a prior says: every shift within three sigma of it.
 
-    sigma_m = 1.0
+    ``tells`` is whether it says what the prior itself scores.
+    """
+
+    def __init__(self, *, spacing_m: float = 1.0, sigma_m: float = 1.0, tells: bool = True) -> None:
+        self.spacing_m, self.sigma_m, self.tells = spacing_m, sigma_m, tells
 
     def match(self, target: Chart, source: Chart, prior: Prior | None = None) -> Sequence[Match]:
         shifts = Counter(a - b for a in target.counts for b in source.counts)
+        evidence = {"shifts": len(shifts)}
         if prior is not None:
-            middle, reach = prior.T_receiver_donor.x_m, 3.0 * math.sqrt(prior.covariance[0, 0])
+            middle = prior.T_receiver_donor.x_m / self.spacing_m
+            if self.tells:
+                evidence["prior_score"] = shifts[round(middle)]
+            reach = 3.0 * math.sqrt(prior.covariance[0, 0]) / self.spacing_m + 1e-9
             shifts = Counter({shift: n for shift, n in shifts.items() if abs(shift - middle) <= reach})
         best = sorted(shifts.items(), key=lambda item: (-item[1], item[0]))[:3]
         covariance = np.diag([self.sigma_m**2, 0.0, 0.0, 0.0, 0.0, 0.0])
         second = best[1][1] if len(best) > 1 else 0
         return [
             Match(
-                Transform.planar(shift, 0.0, 0.0),
+                Transform.planar(shift * self.spacing_m, 0.0, 0.0),
                 n,
                 n - second,
                 covariance=covariance,
-                evidence={"shifts": len(shifts)},
+                evidence=evidence,
             )
             for shift, n in best
         ]

@@ -46,6 +46,10 @@ class Match:
 class Matcher(Protocol):
     """Finds hypotheses of ``T_target_source``, best first, at least two when two exist; rigid, scale 1 unless unknown.
 
+    A matcher that searches only where a prior says tells in the evidence of its matches ``prior_score``: what the
+    prior's own transform scores, unrefined, on the same scale as the matches. Only so the engine knows whether a merge
+    that stands is worth moving.
+
     Returns an empty sequence when the maps give no hypothesis at all. Raises EmptyMapError on a map without content.
     Equal inputs give equal results; inputs are not written.
     """

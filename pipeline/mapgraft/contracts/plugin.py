@@ -48,7 +48,8 @@ class Descriptor:
                   the highest preference for what it observes
     matchers      ``accepts``: the map type of both maps, or (target type, source type); ``uses_prior``: a prior
                   narrows the search to where it says, and of two hypotheses for the same two maps the better one has
-                  the higher score, whatever the prior. Only such a matcher refines merges that stand
+                  the higher score, whatever the prior. Only such a matcher refines merges that stand, and only if it
+                  tells ``prior_score``
     fusers        ``accepts`` as for matchers
     metrics       ``accepts``: the map type of both maps
     conversions   ``accepts``: the type converted from, ``gives``: the type converted to
