@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
@@ -16,9 +18,9 @@ from mapgraft.contracts import (
     Sample,
     Step,
     Tracker,
+    Transform,
     Verdict,
 )
-    Transform,
 from mapgraft.procedures import Tools, blaming
 from mapgraft.registration import Site
 from mapgraft.trail import Trail
@@ -111,9 +113,9 @@ class Merge:
     history: list[Sample] = field(default_factory=list)
     decided_by_person: bool = False
     due_at: int = 0  # observation of the receiver at which there is something to do next
+    stood: list[Transform] = field(init=False)
     _began: int = 0
     _registered: int = 0
-    stood: list[Transform] = field(init=False)
     _known: tuple[int, int] = (0, 0)
     _told: int = 0
     _said: str = ""
@@ -123,9 +125,9 @@ class Merge:
     def __post_init__(self) -> None:
         verify = self.tools.procedure.verify
         self._judged, self._logged = _Round(verify.every), _Round(verify.told_every)
+        self.stood = [self.comparison.T_receiver_donor]
 
     @property
-        self.stood = [self.comparison.T_receiver_donor]
     def donor(self) -> str:
         return self.provenance.source
 
@@ -143,8 +145,12 @@ class Merge:
     def _watches(self) -> list[_Watch]:
         return [*self._judged.watches.values(), *self._logged.watches.values()]
 
-    def start(self, stamp_ns: int) -> Sample:
-        """Begin to track every metric of the procedure; the first sample is of the moment of the merge."""
+    def start(self, stamp_ns: int, accepted: Sequence[Measurement] = ()) -> Sample:
+        """Begin to track every metric of the procedure; the first sample is of the moment of the merge.
+
+        Where a merged map is compared, what only goes into the log is remembered as it was when the match was
+        ``accepted``: by now the map holds the donor itself.
+        """
         verify, now = self.tools.procedure.verify, self.trail.now
         self._began = self._registered = self._told = now
         if self.meeting is not None:
@@ -156,6 +162,9 @@ class Merge:
                 rhythm.watches[name] = _Watch.begin(tracker, now, self.comparison.converted)
         sample = self.measure(stamp_ns, everything=True)
         self._said = "keep"
+        if sample is not None and self.comparison.subject == "merged":
+            before = {m.name: m for m in accepted if m.name in self._logged.watches}
+            self.history[0] = dataclasses.replace(sample, measurements={**sample.measurements, **before})
         return sample or Sample(stamp_ns, 0, {})
 
     def replace(self, grafted: Grafted) -> None:
@@ -167,6 +176,8 @@ class Merge:
         self.meeting = None if self.meeting is None else grafted.meeting
         made = grafted.comparison
         self.comparison.put_donor(made.donor_layer, made.T_receiver_donor, made.match)
+        if made.T_receiver_donor != self.stood[-1]:
+            self.stood.append(made.T_receiver_donor)
         for watch in self._watches:
             watch.everything = watch.donor_changed = True
             watch.seen = self.trail.now
@@ -176,8 +187,6 @@ class Merge:
         for watch in self._watches:
             watch.everything = True
 
-        if made.T_receiver_donor != self.stood[-1]:
-            self.stood.append(made.T_receiver_donor)
     def measure(self, stamp_ns: int, everything: bool = False) -> Sample | None:
         """Measure what is due, or ``everything``; None when nothing has happened that makes a difference.
 
@@ -196,8 +205,8 @@ class Merge:
             return None
         state: Literal["provisional", "confirmed"] = "confirmed" if self.state == "confirmed" else "provisional"
         sample = Sample(stamp_ns, self.observations, measured, state)
-        if judged or everything or not self._judged.watches:
-            self._remember(sample)
+        if everything or now % self._judged.every == 0 or not self._judged.watches:
+            self._remember(sample)  # it has all the verifier looks at, and may have more
         return sample
 
     def _remember(self, sample: Sample) -> None:
@@ -214,6 +223,11 @@ class Merge:
         if self.may_move and (every := self.tools.rule.refine.every) is not None:
             self.due_at = min(self.due_at, max(self._registered + every, now + 1))
 
+    @property
+    def may_move(self) -> bool:
+        """Whether it may be registered anew; what a person decided stays where it is."""
+        return self.meeting is not None and not self.decided_by_person
+
     def is_to_register(self) -> bool:
         """Whether it is time to ask whether the maps have grown enough to register the merge anew."""
         every = self.tools.rule.refine.every
@@ -223,11 +237,6 @@ class Merge:
         """Whether one of the maps that meet knows so much more now that the merge is to be registered anew.
 
         If so that is taken as done, if not it is asked again when it is time the next time.
-    @property
-    def may_move(self) -> bool:
-        """Whether it may be registered anew; what a person decided stays where it is."""
-        return self.meeting is not None and not self.decided_by_person
-
         """
         known = (meeting.target.known(), meeting.source.known())
         least = 1.0 + self.tools.rule.refine.growth

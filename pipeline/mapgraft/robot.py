@@ -13,7 +13,7 @@ from mapgraft.errors import MapError
 from mapgraft.exchange import LayerMessage, Offer
 from mapgraft.history import Journal, Moment
 from mapgraft.merge import Merge
-from mapgraft.persons import Hand
+from mapgraft.persons import Hand, sigma_m
 from mapgraft.procedures import Tools, Workshop
 from mapgraft.refusals import Refusal
 from mapgraft.registration import Move, Site
@@ -121,7 +121,7 @@ class Robot:
             self.journal.forbidden(stamp_ns, donor)
             return
         met = self._encounter(donor, received.metadata, stamp_ns)
-        ruling = self.table.choose(facts_of(met.own, met.other, met.prior is not None, self.reversal.name))
+        ruling = self.table.choose(facts_of(met.own, met.other, sigma_m(met.prior), self.reversal.name))
         rule = None if ruling.rejected else ruling.rule
         if rule and self.candidates.waits(donor, rule.name, rule.retry.growth, met.own, met.other):
             return
@@ -175,7 +175,7 @@ class Robot:
         self.merges[merge.donor] = merge
         self.journal.attempted(stamp_ns, attempt, tools, merge_id, provenance, size)
         self._snapshot("after merge", stamp_ns, merge_id)
-        sample = merge.start(stamp_ns)
+        sample = merge.start(stamp_ns, attempt.measurements)
         self.journal.changed("verified", stamp_ns, merge, "measured at the merge", "merge", sample)
         return merge
 
@@ -245,7 +245,11 @@ class Robot:
 
         A verdict like the last one is only written down at the rhythm of the log, or when somebody wants to ``tell``.
         """
-        sample = merge.measure(stamp_ns, everything)
+        try:
+            sample = merge.measure(stamp_ns, everything)
+        except MapError as error:
+            self.journal.changed("verified", stamp_ns, merge, f"it cannot be measured: {error}", "merge")
+            return
         if sample is None:
             return
         if sample is not merge.history[-1]:

@@ -4,25 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 from mapgraft.contracts import Candidate, ConfigError, Decision, PluginError
 from mapgraft_standard.limits import Check, limits_of
+
+_LEAST: Final = 1e-12  # nothing is surer than that
 
 
 class Posterior:
     """Takes the candidate that is most probably right, if its probability is at least ``provisional``.
 
-    The probability is what the metric ``metric`` measures, which ``metrics`` must name; one that it cannot tell is 0.
-    Below ``provisional`` and from ``ambiguous`` on the verdict is ``ambiguous``, and so it is when a second candidate
-    is that probable: one of them is wrong. Limits on further ``metrics`` (``{name: {min, max, support_min, details:
-    {name: {min, max}}}}``) are vetoes: a candidate that breaks one is out; what cannot be measured breaks none.
+    What the metric ``metric`` measures, which ``metrics`` must name, is the probability of each candidate by itself;
+    one that it cannot tell is 0. At most one candidate is right, so the probabilities are weighed against each other:
+    each is its odds over 1 + the sum of all odds. Below ``provisional`` and from ``ambiguous`` on the verdict is
+    ``ambiguous``. Limits on further ``metrics`` (``{name: {min, max, support_min, details: {name: {min, max}}}}``) are
+    vetoes: a candidate that breaks one is out; what cannot be measured breaks none.
     """
 
     def __init__(
         self,
         *,
-        provisional: float = 0.99,
+        provisional: float = 0.8,
         ambiguous: float = 0.5,
         metric: str = "posterior",
         metrics: Mapping[str, Any] | None = None,
@@ -45,20 +48,17 @@ class Posterior:
         probable = [
             0.0 if said else self._probability(candidate) for candidate, said in zip(candidates, vetoes, strict=True)
         ]
-        ranked = sorted(range(len(candidates)), key=lambda n: -probable[n])
-        chosen = ranked[0]
-        said = f"candidate {chosen + 1} of {len(candidates)} is right with probability {_shown(probable[chosen])}"
-        faults = "".join(f"; candidate {n + 1}: {why.text}" for n, made in enumerate(vetoes) for why in made)
-        if probable[chosen] < self.ambiguous:
-            return Decision("unmatched", None, f"{said} < {self.ambiguous:g}{faults}")
-        if probable[chosen] < self.provisional:
+        shares = _shares(probable)
+        chosen = max(range(len(candidates)), key=lambda n: shares[n])
+        said = f"candidate {chosen + 1} of {len(candidates)} is right with probability {_shown(shares[chosen])}"
+        rivals = [n for n in range(len(candidates)) if n != chosen and probable[n] >= self.ambiguous]
+        faults = "".join(f"; by itself candidate {n + 1} would be with {_shown(probable[n])}" for n in rivals)
+        faults += "".join(f"; candidate {n + 1}: {why.text}" for n, made in enumerate(vetoes) for why in made)
+        if shares[chosen] >= self.provisional:
+            return Decision("provisional", chosen, f"{said} ≥ {self.provisional:g}{faults}")
+        if probable[chosen] >= self.ambiguous:
             return Decision("ambiguous", None, f"{said} < {self.provisional:g}{faults}")
-        rival = ranked[1] if len(ranked) > 1 else None
-        if rival is not None and probable[rival] >= self.ambiguous:
-            return Decision(
-                "ambiguous", None, f"{said}, and candidate {rival + 1} with {_shown(probable[rival])}{faults}"
-            )
-        return Decision("provisional", chosen, f"{said} ≥ {self.provisional:g}{faults}")
+        return Decision("unmatched", None, f"{said} < {self.ambiguous:g}{faults}")
 
     def _probability(self, candidate: Candidate) -> float:
         if self.metric not in candidate.measurements:
@@ -74,6 +74,12 @@ class Posterior:
                 raise PluginError(f"the metric {name} was not measured: an acceptor must get what its rule names")
             out += [check for check in limit.checks(candidate.measurements[name]) if check.passed is False]
         return out
+
+
+def _shares(probable: Sequence[float]) -> list[float]:
+    """The probabilities of candidates of which at most one is right, from those of each by itself."""
+    odds = [p / max(1.0 - p, _LEAST) for p in probable]
+    return [one / (1.0 + math.fsum(odds)) for one in odds]
 
 
 def _shown(probability: float) -> str:

@@ -89,22 +89,22 @@ class Sequential:
         wrong = start + against * self.if_against + agreed * self.if_agreed
         new_m = news.details.get("agreed_m", math.inf)
         said = (
-            f"log-odds of being wrong {wrong:.2f} (from {start:.2f}) after {news.support} new pieces of evidence, "
-            f"{against:g} of them against it in {places:g} places"
+            f"{against:g} of {news.support} new pieces of evidence are against it, in {places:g} places: "
+            f"log-odds of being wrong {wrong:.1f}, {start:.1f} at the start"
         )
         if wrong >= self.upper:
             if latest.state == "confirmed" and places < self.places:
                 return Verdict(
                     "keep", f"{said}: what is against a confirmed merge is in less than {self.places} places"
                 )
-            return Verdict("revert", f"{said}: at least {self.upper:.2f}")
+            return Verdict("revert", f"{said}; reverted from {self.upper:.1f} on")
         if wrong > self.lower:
-            return Verdict("keep", f"{said}; between {self.lower:.2f} and {self.upper:.2f}")
+            return Verdict("keep", f"{said}; undecided between {self.lower:.1f} and {self.upper:.1f}")
         if new_m < self.new_m:
             return Verdict("keep", f"{said}; {new_m:.1f} of {self.new_m:g} m of new walls agree")
         if not self.confirms.get(reversal, False):
             return Verdict("keep", f"{said}; the rule never confirms what it sees here")
-        return Verdict("confirm", f"{said}: at most {self.lower:.2f}; {new_m:.1f} m of new walls agree")
+        return Verdict("confirm", f"{said}; confirmed from {self.lower:.1f} down; {new_m:.1f} m of new walls agree")
 
     def _start(self, first: Sample) -> float:
         """The log-odds of being wrong with which the test starts."""
