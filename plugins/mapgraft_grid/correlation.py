@@ -25,6 +25,7 @@ ASKED_WALLS: Final = 200  # of the source that tell how far two hypotheses lie a
 SAME_M: Final = 0.05  # refined hypotheses nearer than this are one and the same
 RIVAL_SHARE: Final = 0.5  # of the best's log Bayes factor: what has less is no rival
 SEARCH_CELLS: Final = 0.1  # sd of a refined shift per axis, in cells, and of a refined yaw
+DEGENERATE_M: Final = 0.25  # a placement that may be off by twice that, half a metre, in some direction is degenerate
 SEARCH_RAD: Final = math.radians(0.1)
 # Share of the covariance that the walls alone tell that is left when both maps' walls are drawn to each other: on 120
 # right matches of four real logs 97.5 % of the true transforms lie in their 95 % ellipsoid with it, and 94 % with 0.4.
@@ -125,13 +126,17 @@ def _told(
         "rivals": float(sum(other >= RIVAL_SHARE * found[0].met.log_bayes_factor for other in others)),
         "occupancy_prior": occupancy_prior(target, source),
         "resolution_m": target.unit_m,
-    }
         **asked,
+    }
     bare = Match(one.T, score, score - max(others) if others else math.inf, evidence=evidence)
     known = _certainty(target, source, one.T)
     if known is None:
         return bare
-    evidence |= {"sigma_max_m": known.sigma_max_m, "degenerate_dir_rad": known.degenerate_dir_rad}
+    evidence |= {
+        "sigma_max_m": known.sigma_max_m,
+        "degenerate_dir_rad": known.degenerate_dir_rad,
+        "degenerate": float(known.sigma_max_m > DEGENERATE_M),
+    }
     return dataclasses.replace(bare, covariance=known.covariance, evidence=evidence)
 
 
