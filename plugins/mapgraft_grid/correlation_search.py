@@ -122,21 +122,34 @@ def _everywhere(target: Prepared, source: Prepared, factor: int, gate: Gate | No
     height, width = (scipy.fft.next_fast_len(max(n + reach, 2 * reach + 1), real=True) for n in coarse.on_wall.shape)
     shape = (height, width)
     half_turn = max(8, math.ceil(math.pi * source.radius_m / (STEP_CELLS * unit_m)))
-    yaws = math.pi / half_turn * np.arange(half_turn)
-    if gate is not None:
-        yaws = np.compress([gate.admits_line(yaw, math.pi / half_turn) for yaw in yaws], yaws)
+    step_rad = math.pi / half_turn
+    within = None if gate is None else shifts_within(gate, coarse, reach, shape)
     sample = sampled(source, CLEAR_CELLS * unit_m, COARSE_POINTS)
     still = spectra(coarse, shape)
     best, n = np.empty((KEPT, 4)), 0
-    for yaw in yaws.tolist():
+    for yaw in (step_rad * np.arange(half_turn)).tolist():
+        halves = [half for half in range(2) if gate is None or gate.admits_yaw(yaw + half * math.pi, step_rad)]
+        if not halves:
+            continue
         scores = scored(still, sample, yaw, unit_m)
-        for half in range(2):
+        if within is not None:
+            scores *= within[..., None]  # what scores nothing is no peak, and hides none
+        for half in halves:
             places, values = peaks(scores, half, PER_YAW, float(best[-1, 3]) if n == KEPT else 0.0)
             n = keep(best, n, places, yaw + half * math.pi, values)
-    poses = unwrapped(best[:n], coarse, reach, shape)
-    if gate is not None:
-        poses = poses[gate.admits(poses, unit_m, math.pi / half_turn)]
-    return poses, math.pi / half_turn
+    return unwrapped(best[:n], coarse, reach, shape, gate), step_rad
+
+
+def shifts_within(gate: Gate, coarse: Level, reach: int, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Which shifts of a period bring the source's centre within the gate, or a cell beside it, and to the target."""
+    out = np.zeros(shape, np.bool_)
+    height, width = coarse.on_wall.shape
+    around = np.meshgrid(np.arange(-reach, height + reach), np.arange(-reach, width + reach), indexing="ij")
+    rows, columns = (part.ravel() for part in around)
+    places = (np.column_stack((columns, rows)) + 0.5) * coarse.unit_m + coarse.origin_m
+    near = gate.admits_places(places, coarse.unit_m)
+    out[rows[near] % shape[0], columns[near] % shape[1]] = True
+    return out
 
 
 def spectra(on: Level, shape: tuple[int, int]) -> NDArray[np.float32]:
@@ -166,14 +179,18 @@ def scored(still: NDArray[np.float32], sample: Sample, yaw_rad: float, unit_m: f
     return np.asarray(cv2.dft(grid, flags=cv2.DFT_INVERSE), np.float32)
 
 
-def unwrapped(periodic: NDArray[np.float64], coarse: Level, reach: int, shape: tuple[int, ...]) -> Poses:
-    """The poses that periodic ones (k, 4) of row, column, yaw and score can mean: where source and target can meet."""
+def unwrapped(
+    periodic: NDArray[np.float64], coarse: Level, reach: int, shape: tuple[int, ...], gate: Gate | None = None
+) -> Poses:
+    """The poses that periodic ones (k, 4) of row, column, yaw and score can mean: where source and target can meet,
+    and no more than a cell outside the gate."""
     out = []
     for turns in np.ndindex(3, 3):
         cells = periodic[:, :2] + (np.array(turns) - 1) * np.array(shape)
         meets = ((cells >= -reach) & (cells < np.array(coarse.on_wall.shape) + reach)).all(axis=1)
         places = (cells[meets, ::-1] + 0.5) * coarse.unit_m + coarse.origin_m
-        out.append(np.hstack((places, periodic[meets, 2:])))
+        poses = np.hstack((places, periodic[meets, 2:]))
+        out.append(poses if gate is None else poses[gate.admits_places(places, coarse.unit_m)])
     return _best(np.concatenate(out), 0.0, 0.0, KEPT)
 
 

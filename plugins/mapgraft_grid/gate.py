@@ -48,16 +48,19 @@ class Gate(NamedTuple):
 
     def admits(self, poses: NDArray[np.float64], slack_m: float = 0.0, slack_rad: float = 0.0) -> NDArray[np.bool_]:
         """Which of the poses (k, ≥ 3) of x, y and yaw lie within, or no farther out than the slack."""
-        off = poses[:, :2] - self.place_m
-        inside = np.linalg.inv(self.half + slack_m**2 * np.eye(2))
         turn = np.abs(np.remainder(poses[:, 2] - self.yaw_rad + math.pi, 2.0 * math.pi) - math.pi)
-        near: NDArray[np.bool_] = np.einsum("ki,ij,kj->k", off, inside, off) <= 1.0
-        return near & (turn <= self.half_yaw_rad + slack_rad)
+        return self.admits_places(poses[:, :2], slack_m) & (turn <= self.half_yaw_rad + slack_rad)
 
-    def admits_line(self, yaw_rad: float, slack_rad: float) -> bool:
-        """Whether the yaw, or half a turn more, is within or no farther out than the slack."""
-        turn = math.remainder(yaw_rad - self.yaw_rad, math.pi)
-        return abs(turn) <= self.half_yaw_rad + slack_rad
+    def admits_places(self, places: NDArray[np.float64], slack_m: float = 0.0) -> NDArray[np.bool_]:
+        """Which of the places (k, 2) of the source's centre lie within, or no farther out than the slack."""
+        off = places - self.place_m
+        inside = np.linalg.inv(self.half + slack_m**2 * np.eye(2))
+        near: NDArray[np.bool_] = np.einsum("ki,ij,kj->k", off, inside, off) <= 1.0
+        return near
+
+    def admits_yaw(self, yaw_rad: float, slack_rad: float = 0.0) -> bool:
+        """Whether the yaw is within, or no farther out than the slack."""
+        return abs(math.remainder(yaw_rad - self.yaw_rad, 2.0 * math.pi)) <= self.half_yaw_rad + slack_rad
 
     def clipped(self, wanted: Transform, otherwise: Transform, centre_m: NDArray[np.float64]) -> Transform:
         """The wanted transform if it is within, else the other."""

@@ -210,6 +210,42 @@ def moved_to(place: NDArray[np.float64], T: Transform, metres: float, degrees: f
     return out
 
 
+def test_a_weak_place_within_a_wide_prior_is_found_among_stronger_ones_outside(grid_map_of: MakeMap) -> None:
+    """Walls of which the target holds 35 whole copies, and a ruin where the prior says."""
+    random = np.random.default_rng(2)
+    room = np.zeros((50, 60), np.uint8)
+    room[[0, -1]] = room[:, [0, -1]] = OCCUPIED
+    for row, column, height, width in random.integers((2, 2, 2, 2), (40, 50, 9, 9), (9, 4)):
+        room[row : row + height, column : column + width] = OCCUPIED
+    ruin = room.copy()
+    ruin[:, 24:] = 0
+    target = np.zeros((6 * 64, 6 * 74), np.uint8)
+    for row, column in np.ndindex(6, 6):
+        y, x = 64 * row + 7, 74 * column + 7
+        target[y : y + 50, x : x + 60] = ruin if (row, column) == (2, 1) else room
+    T = Transform.planar(7.4 + 0.7, 2 * 6.4 + 0.7, 0.0)  # where the ruin's lower-left corner is
+    middle = np.array([3.0, 2.5])
+    prior = Prior(T, moved_to(middle, T, 0.8, 40.0), "a person")
+    best = Correlation().match(grid_map_of(target), grid_map_of(room), prior)[0]
+    shift_m, turn_deg = off_by(best.T_receiver_donor, T, middle[None])
+    assert shift_m < 0.1 and turn_deg < 0.5
+
+
+def test_rotations_outside_a_wide_prior_do_not_come_back(grid_map_of: MakeMap) -> None:
+    """The right place is half a turn off: what comes back is worse, and within the prior."""
+    classes = drawn(grid_map_of, floor_plan(6), WHOLE, Transform.identity(), 0.1).dense().classes
+    floor = grid_map_of(np.where(classes == OCCUPIED, OCCUPIED, 0))
+    middle = walls_of(floor).mean(axis=0)
+    beside = Transform.planar(float(middle[0]), float(middle[1]), 0.0)
+    guess = beside @ Transform.planar(0.0, 0.0, math.pi) @ beside.inverse()
+    found = Correlation().match(floor, floor, Prior(guess, moved_to(middle, guess, 1.5, 12.0), "a person"))
+    assert found
+    for match in found:
+        shift_m, turn_deg = off_by(match.T_receiver_donor, guess, middle[None])
+        assert turn_deg <= 3.5 * 12.0 + 1.5 and shift_m <= math.hypot(3.5 * 1.5, 0.3) + 0.5
+        assert match.score < 0.7 * Correlation().match(floor, floor)[0].score
+
+
 def test_a_match_is_a_prior_that_finds_itself(grid_map_of: MakeMap) -> None:
     boxes = floor_plan(9)
     target = drawn(grid_map_of, boxes, WHOLE, Transform.identity(), 0.07)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mapgraft.contracts import Prior, Transform
-from mapgraft_grid.correlation_search import Level, Sample, scored, spectra
+from mapgraft_grid.correlation_search import Level, Sample, scored, shifts_within, spectra, unwrapped
 from mapgraft_grid.gate import Gate
 from mapgraft_grid.grid_map import OCCUPIED
 from mapgraft_grid.kernels.correlating import climb, fields, keep, peaks
@@ -130,3 +130,26 @@ def test_a_gate_admits_what_its_prior_leaves_likely(seed: int) -> None:
         near = np.hypot(*(lattice[:, :2] - pose[:2]).T) + 0.2 / math.radians(1.0) * turn
         assert near.min() < 0.5
     assert gate.lattice(0.2, math.radians(1.0), 3) is None
+
+
+@settings(deadline=None, max_examples=40)
+@given(seeds)
+def test_shifts_within_a_gate_are_those_that_mean_a_place_in_it(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    height, width, reach = (int(n) for n in random.integers(4, 12, 3))
+    fields_ = np.zeros((height, width), np.float32)
+    coarse = Level(0.1, 0.3, random.uniform(-9.0, 9.0, 2), fields_, fields_)
+    shape = (max(height + reach, 2 * reach + 1) + 1, max(width + reach, 2 * reach + 1))
+    middle = coarse.origin_m + 0.3 * random.uniform(-reach, (width + reach, height + reach))
+    covariance = np.diag([*random.uniform(0.0, 0.3, 2), 0.0, 0.0, 0.0, random.uniform(0.0, 1.0)])
+    gate = Gate.of(Prior(Transform.planar(*middle, random.uniform(-3.0, 3.0)), covariance, "test"), np.zeros(2))
+    within = shifts_within(gate, coarse, reach, shape)
+    for row, column in np.ndindex(*shape):
+        yaw = random.uniform(-7.0, 7.0)
+        periodic = np.array([[row, column, yaw, 1.0]])
+        poses = unwrapped(periodic, coarse, reach, shape)
+        admitted = poses[gate.admits(poses, 0.3, math.pi)]
+        assert within[row, column] == bool(len(admitted))
+        assert np.array_equal(unwrapped(periodic, coarse, reach, shape, gate), admitted)
+        here = np.array([[*gate.place_m, yaw]])
+        assert gate.admits_yaw(yaw, 0.1) == gate.admits(here, 0.0, 0.1)[0]
