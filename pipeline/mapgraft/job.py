@@ -124,12 +124,8 @@ def run(
     from mapgraft.recording.mission import open_mission
     from mapgraft.recording.naming import stem
 
-    if not files:
-        files, demo_config = demo()
-        config = demo_config if config is None else config
-    listed = [files] if isinstance(files, Path | str) else files
-    paths, plugins = [Path(file) for file in listed], plugins or load_plugins()
-    checked, watch = as_config(config), Stopwatch()
+    paths, checked = _asked(files, config)
+    plugins, watch = plugins or load_plugins(), Stopwatch()
     with ExitStack() as stack:
         with watch.stage("opening"):
             mission = stack.enter_context(open_mission(paths, checked, plugins=plugins))
@@ -147,23 +143,37 @@ def run(
         count = _replayed(mission, assembly, fan, watch)
         if folder is not None:
             _tell_costs(folder, watch, assembly.exchange.traffic.sent)
-        start_ns, lost = mission.start_ns, tuple(mission.tally.sentences())
-        remarks = [f"{robot.name}: {remark}" for robot in mission.robots for remark in robot.remarks]
-        remarks += [
-            f"the verdict '{verdict.action}' on {verdict.merge} was not needed: no such merge came up"
-            for verdict in assembly.hand.disregarded
-        ]
-    return Result(
-        run_id=run_id,
-        folder=None if out is None else Path(out),
-        events=assembly.history.events,
-        maps=fan.last,
-        observations=count,
-        traffic=dict(assembly.exchange.traffic.sent),
-        start_ns=start_ns,
-        lost=lost,
-        remarks=tuple(remarks),
-    )
+        return Result(
+            run_id=run_id,
+            folder=None if out is None else Path(out),
+            events=assembly.history.events,
+            maps=fan.last,
+            observations=count,
+            traffic=dict(assembly.exchange.traffic.sent),
+            start_ns=mission.start_ns,
+            lost=tuple(mission.tally.sentences()),
+            remarks=tuple(_remarks(mission, assembly)),
+        )
+
+
+def _asked(
+    files: Sequence[Path | str] | Path | str, config: Config | Mapping[str, Any] | Path | str | None
+) -> tuple[list[Path], Config]:
+    """The files to replay, those of the demo where none is named, and a checked configuration."""
+    if not files:
+        files, demo_config = demo()
+        config = demo_config if config is None else config
+    listed = [files] if isinstance(files, Path | str) else files
+    return [Path(file) for file in listed], as_config(config)
+
+
+def _remarks(mission: Mission, assembly: Assembly) -> list[str]:
+    """What was noticed about the robots' sources, and which verdicts of persons nobody needed."""
+    remarks = [f"{robot.name}: {remark}" for robot in mission.robots for remark in robot.remarks]
+    return remarks + [
+        f"the verdict '{verdict.action}' on {verdict.merge} was not needed: no such merge came up"
+        for verdict in assembly.hand.disregarded
+    ]
 
 
 def _span_of(mission: Mission, config: Config) -> tuple[int, int]:

@@ -24,14 +24,21 @@ from typing import Any, Final
 import numpy as np
 
 from mapgraft.evaluation.certainty import ELLIPSE_95
-from mapgraft.evaluation.statistics import Share, Spread, Weights, clopper_pearson, resampled, share, spread
+from mapgraft.evaluation.statistics import Area, Share, Spread, Weights, clopper_pearson, resampled, share, spread
 from mapgraft.evaluation.summary import BINS, MUCH_OVERLAP, NEW_WALL_M, SOME_OVERLAP, bin_of
-from mapgraft.evaluation.tables import milliseconds, percent
+from mapgraft.evaluation.tables import auc, milliseconds, percent
 from mapgraft_grid.evidence.posterior import MODEL_FILE
 
 PAGE: Final = Path(__file__).parents[2] / "docs" / "matching.md"
 BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
 JUDGED, BASELINE = "judged", "baseline"
+TIMES: Final = {  # what is timed, and what that is called
+    "match_ms": "one match",
+    "integrate_ms": "map a scan",
+    "verify_ms": "verify, per scan",
+    "anew_ms": "register anew, each",
+    "final_ms": "last look",
+}
 TOGETHER: Final = "together"
 Row = Mapping[str, Any]  # an entry of ``pairs``
 
@@ -76,6 +83,7 @@ class Listed:
 
     name: str
     summary: Mapping[str, Any]
+    times: Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -313,7 +321,7 @@ def auc_table(runs: Sequence[Run]) -> str:
 def _area(found: Mapping[str, Any] | None) -> str:
     if found is None or found["value"] is None:
         return "–"
-    return f"{found['value']:.3f} ({found['low']:.3f}–{found['high']:.3f})"
+    return auc(Area(**{**found, **{key: _number(found[key]) for key in ("value", "low", "high")}}))
 
 
 def times_table(runs: Sequence[Run]) -> str:
@@ -321,13 +329,13 @@ def times_table(runs: Sequence[Run]) -> str:
     for run in runs:
         for name, title in run.procedures.items():
             told = run.content["times"]["procedures"][name]
-            spreads = [_spread(told[key]) for key in ("match_ms", "verify_ms", "integrate_ms")]
+            spreads = [_spread(told[key]) for key in TIMES]
             lines.append([run.label, title, *map(milliseconds, spreads)])
-    return markdown(["cells, m", "procedure", "one match", "verify, per scan", "map a scan"], lines)
+    return markdown(["cells, m", "procedure", *TIMES.values()], lines)
 
 
 def _spread(told: Mapping[str, Any]) -> Spread:
-    return Spread(told["count"], _number(told["median"]), _number(told["p95"]))
+    return Spread(told["count"], *(_number(told[key]) for key in ("median", "p95", "largest")))
 
 
 def held_out_table() -> str:
@@ -351,21 +359,28 @@ def _percent(told: Mapping[str, float], names: Sequence[str]) -> list[str]:
 def lists_table(lists: Sequence[Listed]) -> str:
     lines = []
     for listed in lists:
-        told = listed.summary
-        time = told["match_s"]
-        merged = [_share(told["accepted"][name]) for name in ("right", "wrong")]
+        told, accepted = listed.summary, listed.summary["acceptance"]
+        merged = [_share(accepted[name]) for name in ("right", "wrong", "wrong_across")]
         lines.append(
             [
                 listed.name,
-                f"{told['pairs']}",
-                *(f"{_share(told['first'][name]).count}" for name in ("right", "wrong", "none")),
-                *map(short, merged),
-                whole(_share(told["unrelated_merged"])),
-                f"{time['median']:.2f} s, {time['longest']:.2f} s" if time["count"] else "–",
+                f"{told['pairs'] - told['across']}",
+                *(f"{told[name]}" for name in ("right", "wrong", "without_hypothesis")),
+                *map(short, merged[:2]),
+                whole(merged[2]),
+                milliseconds(_spread(listed.times["match_ms"])),
             ]
         )
-    names = ["with truth", "first right", "wrong", "none", "merged right", "merged wrong", "unrelated and merged"]
-    return markdown(["list", *names, "match, median and longest"], lines)
+    names = [
+        "with truth",
+        "first right",
+        "wrong, unrelated ones too",
+        "none",
+        "merged right",
+        "wrong, of all",
+        "unrelated and merged",
+    ]
+    return markdown(["list", *names, "match, median (95th percentile), longest"], lines)
 
 
 def _share(told: Mapping[str, Any]) -> Share:
@@ -394,7 +409,7 @@ def page(runs: Sequence[Run], lists: Sequence[Listed]) -> str:
             certainty_table(runs),
             "### How well each number tells right from wrong best hypotheses: area under the curve",
             auc_table(runs),
-            "### Time: median (95th percentile)",
+            "### Time: median (95th percentile), longest",
             times_table(runs),
         ]
     parts += ["### The posterior on simulated buildings that its fit has not seen", held_out_table()]
@@ -413,8 +428,8 @@ def read(path: Path) -> Run | Listed:
             for side in (row["receiver"], row["donor"]):
                 side["stretch"] = (side["first_scan"] + span // 2) // span
         return Run(content)
-    if "unrelated_merged" in content.get("summary", {}):
-        return Listed(path.stem, content["summary"])
+    if content.get("format_version") == 2 and "summary" in content:
+        return Listed(path.stem, content["summary"], content["times"])
     raise SystemExit(f"{path} is neither JSON of mapgraft evaluate nor of mapgraft match --pairs: name one of these")
 
 

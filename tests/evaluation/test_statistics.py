@@ -36,7 +36,7 @@ def test_the_area_is_the_share_of_pairs_that_are_won(seed, n, levels):
     if right.all() or not right.any():
         right[0] = not right[0]
     weights = rng.integers(0, 3, (40, n)).astype(float)
-    found = area(values, right, weights)
+    found = area(values, right, weights, "higher")
     assert found.value == pytest.approx(brute_area(values, right, np.ones(n)))
     statistic = mannwhitneyu(np.minimum(values[right], 1e9), np.minimum(values[~right], 1e9)).statistic
     assert found.value == pytest.approx(statistic / (right.sum() * (~right).sum()))
@@ -44,6 +44,13 @@ def test_the_area_is_the_share_of_pairs_that_are_won(seed, n, levels):
     if resampled_areas:
         assert (found.low, found.high) == pytest.approx(tuple(np.quantile(resampled_areas, (0.025, 0.975))))
     assert (found.right, found.wrong) == (right.sum(), (~right).sum())
+    lower = area(values, right, weights, "lower")
+    assert (lower.better, lower.told) == ("lower", True)
+    assert lower.value == pytest.approx(brute_area(-values, right, np.ones(n)))
+    assert (lower.low, lower.high) == pytest.approx((1.0 - found.high, 1.0 - found.low), nan_ok=True)
+    either = area(values, right, weights)
+    assert not either.told and either.value == max(found.value, lower.value)
+    assert either.better == ("lower" if lower.value > found.value else "higher")
 
 
 def test_the_area_leaves_out_what_was_not_measured():
@@ -116,5 +123,5 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say():
 
 def test_a_spread_is_the_median_and_the_95th_percentile():
     found = spread([*range(101), math.nan])
-    assert (found.count, found.median, found.p95) == (101, 50.0, 95.0)
+    assert (found.count, found.median, found.p95, found.largest) == (101, 50.0, 95.0, 100.0)
     assert spread([]).count == 0 and math.isnan(spread([math.nan]).median)

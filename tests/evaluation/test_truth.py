@@ -10,7 +10,7 @@ import pytest
 
 from mapgraft.contracts import Match, Observation, Scan, Transform
 from mapgraft.evaluation import Course, Drawing, Pair, PairPlan, Truth, Window, build, draw_pairs
-from mapgraft.evaluation.certainty import ELLIPSE_95, certainty
+from mapgraft.evaluation.certainty import ELLIPSE_95, certainty, walls_middle
 from mapgraft.evaluation.growth import grow
 from mapgraft_grid.map_type import OccupancyGrid
 
@@ -126,25 +126,34 @@ def test_honest_covariances_hold_the_truth_as_often_as_they_say(pairs):
     spread = np.diag([0.03, 0.08, 0.01]) @ np.array([[1.0, 0.2, 0.1], [0.2, 1.0, -0.3], [0.1, -0.3, 1.0]])
     full = np.zeros((6, 6))
     full[np.ix_((0, 1, 5), (0, 1, 5))] = spread @ spread.T
-    inside = 0
+    inside, middle_m = 0, walls_middle(pair.truth, pair.donor.map_type, pair.donor.map)
     for _ in range(500):
         dx, dy, turn = spread @ rng.standard_normal(3)
         found = Transform.planar(T.x_m + dx, T.y_m + dy, T.yaw_rad + turn)
-        told = certainty(pair.truth, Match(found, 1.0, 1.0, covariance=full))
-        inside += told.inside
+        match = Match(found, 1.0, 1.0, covariance=full)
+        distance2 = certainty(match, middle_m).distance2(pair.truth, match)
+        inside += distance2 <= ELLIPSE_95
         by_hand = np.array([dx, dy, turn]) @ np.linalg.solve(spread @ spread.T, np.array([dx, dy, turn]))
-        assert told.distance2 == pytest.approx(by_hand, rel=0.2, abs=0.2)  # the turn is small, not infinitely small
+        assert distance2 == pytest.approx(by_hand, rel=0.2, abs=0.2)  # the turn is small, not infinitely small
     assert 0.92 <= inside / 500 <= 0.98
     assert pytest.approx(7.8147, abs=1e-3) == ELLIPSE_95
 
 
 def test_covariances_that_are_none_are_none(pairs):
-    truth = pairs[0].truth
-    T = truth.T_receiver_donor
+    truth, donor = pairs[0].truth, pairs[0].donor
+    T, middle_m = truth.T_receiver_donor, walls_middle(truth, donor.map_type, donor.map)
     singular, infinite = np.diag([1.0, 1.0, 0, 0, 0, 0.0]), np.diag([1.0, np.inf, 0, 0, 0, 1.0])
     for covariance in (None, np.eye(3), singular, infinite, -np.eye(6)):
-        assert certainty(truth, Match(T, 1.0, 1.0, covariance=covariance)) is None
-    wide = certainty(truth, Match(T, 1.0, 1.0, covariance=np.diag([1e-4, 0.09, 0, 0, 0, 1e-12])))
+        assert certainty(Match(T, 1.0, 1.0, covariance=covariance), middle_m) is None
+    wide = certainty(Match(T, 1.0, 1.0, covariance=np.diag([1e-4, 0.09, 0, 0, 0, 1e-12])), middle_m)
     assert wide.degenerate and wide.sigma_max_m == pytest.approx(0.3, rel=1e-3)
-    narrow = certainty(truth, Match(T, 1.0, 1.0, covariance=np.diag([1e-4, 1e-4, 0, 0, 0, 1e-12])))
-    assert not narrow.degenerate and narrow.distance2 == pytest.approx(0.0, abs=1e-9)
+    match = Match(T, 1.0, 1.0, covariance=np.diag([1e-4, 1e-4, 0, 0, 0, 1e-12]))
+    narrow = certainty(match, middle_m)
+    assert not narrow.degenerate and narrow.distance2(truth, match) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_without_a_truth_all_walls_of_the_donor_are_asked(pairs):
+    donor = pairs[0].donor
+    walls_m = donor.map_type.structure(donor.map)
+    assert walls_middle(None, donor.map_type, donor.map) == pytest.approx(walls_m.mean(axis=0))
+    assert walls_middle(None, donor.map_type, donor.map_type.view(None)) == pytest.approx((0.0, 0.0))

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mapgraft.matching.judging import Judged, LeftOut, judge, rigid_about
+from mapgraft.matching.judging import Judged, LeftOut, judge, rigid_about, summed_up
 from mapgraft.matching.pair_list import MapFile, read_lists
 from mapgraft.matching.pairing import Pairer
 from mapgraft.matching.pixels import moved
 from mapgraft.matching.ready_map import ReadyMap, Shelf
-from mapgraft.matching.tally import tally
 
 Bench = tuple[Shelf, Pairer]
 SHAPE = (520, 560)
@@ -53,13 +52,12 @@ def test_the_truth_is_right_and_another_place_is_wrong(bench: Bench, tmp_path: P
     aside[0, 2] += 20.0  # 1 m
     (right, wrong), left = judged(bench, tmp_path, [entry(maps, id="right"), entry(aside, id="aside")])
     assert not left
-    assert right.accepted is not None
-    assert right.accepted.right
-    assert right.accepted == right.first
-    assert wrong.accepted is not None
-    assert not wrong.accepted.right
-    assert wrong.accepted.displacement_m == pytest.approx(1.0, abs=0.2)
-    assert right.overlap == pytest.approx(1.0, abs=0.05)
+    assert right.scored.merged_right
+    assert right.scored.accepted == right.scored.best
+    assert wrong.scored.accepted is not None
+    assert wrong.scored.merged_wrong
+    assert wrong.scored.accepted.error_m == pytest.approx(1.0, abs=0.2)
+    assert right.scored.overlap == pytest.approx(1.0, abs=0.05)
 
 
 def test_keypoints_are_measured_in_pixels_of_a(bench: Bench, tmp_path: Path, maps) -> None:
@@ -69,10 +67,10 @@ def test_keypoints_are_measured_in_pixels_of_a(bench: Bench, tmp_path: Path, map
     near = entry(maps, keypoints_a=(a + np.array([30.0, 0.0])).tolist(), **told)
     far = entry(maps, keypoints_a=(a + np.array([60.0, 0.0])).tolist(), **told)
     (one, two), _ = judged(bench, tmp_path, [near, far])
-    assert one.first is not None
-    assert two.first is not None
-    assert one.first.keypoint_px == pytest.approx(30.0, abs=5.0)
-    assert (one.first.right, two.first.right) == (True, False)
+    assert one.scored.best is not None
+    assert one.scored.best.error_px == pytest.approx(30.0, abs=5.0)
+    assert one.scored.best.error_m is None
+    assert (one.scored.right, two.scored.right) == (True, False)
 
 
 def test_pairs_without_a_usable_truth_are_left_out_with_the_reason(bench: Bench, tmp_path: Path, maps) -> None:
@@ -85,24 +83,29 @@ def test_pairs_without_a_usable_truth_are_left_out_with_the_reason(bench: Bench,
     assert "suspect" in left[1].reason
 
 
-def test_the_tally_counts_what_was_right_wrong_and_merged_by_mistake(bench: Bench, tmp_path: Path, maps) -> None:
+def test_what_was_right_wrong_and_merged_by_mistake_is_counted_as_evaluate_does(
+    bench: Bench, tmp_path: Path, maps
+) -> None:
     aside = maps.copy()
     aside[0, 2] += 20.0
     pairs = [entry(maps, id="right"), entry(aside, id="wrong")]
     pairs += [{"a": "a.png", "b": "b.png", "res_a": 0.05, "res_b": 0.05, "unrelated": True}]
     pairs += [{"a": "a.png", "b": "b.png", "res_a": 0.05, "res_b": 0.05, "T_px_b2a": pairs[0]["T_px_b2a"], "id": "two"}]
-    counted = tally(judged(bench, tmp_path, pairs)[0])
-    assert (counted.pairs, counted.unrelated) == (3, 1)
-    assert (counted.first_right.count, counted.first_wrong.count, counted.first_none.count) == (2, 1, 0)
-    assert (counted.accepted_right.count, counted.accepted_wrong.count) == (2, 1)
-    assert [bin_.of for bin_ in counted.recall] == [0, 0, 0, 0, 3]
-    assert (counted.recall_from_some.count, counted.accepted_of_right.of) == (2, 2)
-    assert counted.merged.count == 1
-    assert counted.areas["score"].value == 0.5, "all answers are the same one"
-    assert (counted.areas["score"].right, counted.areas["score"].wrong) == (2, 2)
-    assert counted.off.metres.median < 0.2
-    assert counted.off.pixels.count == 0
-    assert 0.0 < counted.match_s.median <= counted.longest_s
+    summary, times = summed_up(judged(bench, tmp_path, pairs)[0])
+    assert (summary.pairs, summary.across, summary.rejected) == (4, 1, 0)
+    assert (summary.right, summary.wrong, summary.without_hypothesis) == (2, 2, 0)
+    assert (summary.acceptance.right.count, summary.acceptance.wrong.count) == (2, 2)
+    assert [bin_.recall.of for bin_ in summary.recall] == [0, 0, 0, 0, 3]
+    assert (summary.recall_from_some_overlap.count, summary.acceptance.right_of_right.of) == (2, 2)
+    assert (summary.acceptance.wrong_across.count, summary.acceptance.wrong_across.of) == (1, 1)
+    assert summary.auc["score"].value == 0.5, "all answers are the same one"
+    assert (summary.auc["score"].right, summary.auc["score"].wrong) == (2, 2)
+    assert summary.errors.error_m.median < 0.2
+    assert summary.errors.error_px.count == 0
+    assert (summary.covariance.degenerate.of, summary.covariance.degenerate_of_all.of) == (2, 4)
+    assert summary.covariance.inside.of == 0, "a truth in pixels is too coarse for that"
+    assert 0.0 < times.match_ms.median <= times.match_ms.largest
+    assert (times.match_ms.count, times.verify_ms.count) == (4, 0)
 
 
 def test_a_truth_with_a_little_scale_becomes_rigid_where_the_walls_are() -> None:

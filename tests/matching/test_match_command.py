@@ -189,7 +189,7 @@ def test_a_list_is_judged(said: Said, pair, stranger: Path, tmp_path: Path) -> N
     for word in (
         "turned",
         "provisional, right",
-        "1 / 0 / 0",
+        "1 / 1 / 0",
         "100.0 % (2.5–100.0) 1/1",
         "0.0 % (0.0–97.5) 0/1",
         "longest",
@@ -200,6 +200,6 @@ def test_a_list_is_judged(said: Said, pair, stranger: Path, tmp_path: Path) -> N
     document = json.loads(text)
     assert code == 0
     assert [one["id"] for one in document["pairs"]] == ["turned", "a__stranger", "b__stranger"]
-    assert document["pairs"][0]["first"]["right"] is True
-    merged = document["summary"]["unrelated_merged"]
+    assert document["pairs"][0]["best"]["right"] is True
+    merged = document["summary"]["acceptance"]["wrong_across"]
     assert (merged["count"], merged["of"]) == (0, 2)

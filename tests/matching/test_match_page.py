@@ -13,7 +13,9 @@ import pytest
 from mapgraft.cli import invoke
 from mapgraft.matching.pair_list import ListedPair
 
-PAGE = (Path(__file__).parents[2] / "docs" / "match.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = (DOCS / "match.md").read_text(encoding="utf-8")
+COUNTED = set(re.findall(r"`(?:\w+\.)*(\w+)`", (DOCS / "evaluate.md").read_text(encoding="utf-8")))
 NAMED = set(re.findall(r"`([A-Za-z0-9_]+)`", PAGE))
 FREE = ("evidence", "metrics", "details", "auc", "recall", "findings")  # whose keys are names of metrics, bins, rules
 
@@ -42,7 +44,10 @@ def test_every_key_of_the_documents_is_named(capsys: pytest.CaptureFixture[str],
     one = json.loads(capsys.readouterr().out)
     assert invoke(["match", "--pairs", str(tmp_path / "pairs.json"), *options]) == 0
     several = json.loads(capsys.readouterr().out)
+    counted = [several.pop("summary"), several.pop("times")]
+    assert "afterwards" not in counted[0]
     assert sorted(set(keys_of([one, several])) - NAMED) == []
+    assert sorted(set(keys_of(counted)) - COUNTED) == []
 
 
 def test_every_key_of_a_list_is_named() -> None:

@@ -131,7 +131,7 @@ def print_pairing(console: Console, pairing: Pairing, *, all_hypotheses: bool) -
 def _headline(pairing: Pairing) -> str:
     said = {
         "provisional": "accepted: B's map is merged into A's, provisionally, for nothing new has tested it yet",
-        "ambiguous": "ambiguous: probable, but not enough to merge, or more than one place fits: the maps are not merged",
+        "ambiguous": "ambiguous: probable, but not enough to merge, or more than one place fits; not merged",
         "unmatched": "unmatched: no hypothesis is good enough, so the maps are not merged",
         "rejected": "rejected: the decision table does not let these maps be matched",
     }

@@ -127,13 +127,7 @@ def _placed(placed: Placed | None) -> dict[str, Any] | None:
     if placed is None:
         return None
     pose = {"x_m": placed.x_m, "y_m": placed.y_m, "yaw_rad": placed.yaw_rad, "scale": placed.scale}
-    error = placed.error
-    return {
-        **pose,
-        "right": placed.right,
-        "error_m": None if error is None else error.displacement_m,
-        "error_deg": None if error is None else error.rotation_deg,
-    }
+    return {**pose, "right": placed.right, "error_m": placed.error_m, "error_deg": placed.error_deg}
 
 
 def _times(evaluation: Evaluation) -> dict[str, Any]:

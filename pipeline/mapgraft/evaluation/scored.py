@@ -4,28 +4,42 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Self
 
 from mapgraft.contracts import Match, Measurement, Transform
 from mapgraft.evaluation.building import Pair
-from mapgraft.evaluation.certainty import certainty
+from mapgraft.evaluation.certainty import certainty, walls_middle
 from mapgraft.evaluation.growth import Growth
+from mapgraft.evaluation.statistics import Better
 from mapgraft.evaluation.trial import Trial, Verdict
-from mapgraft.evaluation.truth import Error
+from mapgraft.evaluation.truth import Truth
 
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """A transform with its error; ``error`` is None where the two maps do not belong together: then it is wrong."""
+    """A transform, whether it is right, and how far it is off as far as that can be told.
+
+    ``error_m`` is the mean displacement of the donor's walls, ``error_px`` that of keypoints where the truth is told
+    by them. Where the two maps do not belong together it is wrong and has no error.
+    """
 
     x_m: float
     y_m: float
     yaw_rad: float
     scale: float
-    error: Error | None
+    right: bool
+    error_m: float | None = None
+    error_deg: float | None = None
+    error_px: float | None = None
 
-    @property
-    def right(self) -> bool:
-        return self.error is not None and self.error.right
+    @classmethod
+    def of(cls, T: Transform, scale: float, truth: Truth | None) -> Self:
+        """Held against the truth, None where the two maps do not belong together."""
+        pose = (T.x_m, T.y_m, T.yaw_rad, scale)
+        if truth is None:
+            return cls(*pose, right=False)
+        error = truth.error(T, scale)
+        return cls(*pose, error.right, error.displacement_m, error.rotation_deg)
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +47,11 @@ class Scored:
     """What one procedure made of two maps, and whether it was right.
 
     ``overlap`` is None where the maps do not belong together. ``best`` is the matcher's first hypothesis, ``numbers``
-    everything that was told or measured of it by name, and ``lower`` names those that should be low. ``accepted`` is
-    the transform that was merged, ``final`` where the merge stood in the end, with its ``state``. ``distance2`` and
-    ``sigma_max_m`` hold where the best hypothesis is right and has a covariance. Times in seconds, per further scan
-    where there are several.
+    everything that was told or measured of it by name, and ``better`` says of those of which it is known which way
+    they should go. ``accepted`` is the transform that was merged, ``final`` where the merge stood in the end, with its
+    ``state``. ``sigma_max_m`` holds where the best hypothesis has a covariance, ``distance2`` where it is also right.
+    Times in seconds: ``verified_s`` and ``integrated_s`` of each further scan, ``anew_s`` of each search that registers
+    the merge anew.
     """
 
     overlap: float | None
@@ -45,7 +60,7 @@ class Scored:
     rule: str
     best: Placed | None
     numbers: Mapping[str, float]
-    lower: frozenset[str]
+    better: Mapping[str, Better]
     accepted: Placed | None = None
     state: str = ""
     state_reason: str = ""
@@ -57,6 +72,8 @@ class Scored:
     match_s: float | None = None
     verified_s: tuple[float, ...] = ()
     integrated_s: tuple[float, ...] = ()
+    anew_s: tuple[float, ...] = ()
+    final_s: float | None = None
 
     @property
     def right(self) -> bool:
@@ -88,30 +105,36 @@ class Scored:
 
 def score(pair: Pair, trial: Trial, growth: Growth) -> Scored:
     """Hold a trial against the truth about its pair."""
-    best = None if trial.best is None else _placed(pair, trial.best.T_receiver_donor, trial.best.scale)
+    truth, match = pair.truth, trial.best
+    best = None if match is None else Placed.of(match.T_receiver_donor, match.scale, truth)
     sure = None
-    if best is not None and best.right and trial.best is not None and pair.truth is not None:
-        sure = certainty(pair.truth, trial.best)
-    verified_s = zip(trial.observed_s, growth.integrated_s, strict=False)
+    if match is not None:
+        sure = certainty(match, walls_middle(truth, pair.donor.map_type, pair.donor.map))
+    verified_s = zip(trial.observed_s, trial.searched_s, growth.integrated_s, strict=False)
+    distance2 = None
+    if match is not None and truth is not None and sure is not None and best is not None and best.right:
+        distance2 = sure.distance2(truth, match)
     return Scored(
-        overlap=None if pair.truth is None else pair.truth.overlap,
+        overlap=None if truth is None else truth.overlap,
         verdict=trial.verdict,
         reason=trial.reason,
         rule=trial.rule,
         best=best,
-        numbers={} if trial.best is None else numbers_of(trial.best, trial.measurements),
-        lower=frozenset(m.name for m in trial.measurements.values() if m.better == "lower"),
-        accepted=None if trial.T_accepted is None else _placed(pair, trial.T_accepted, trial.scale),
+        numbers={} if match is None else numbers_of(match, trial.measurements),
+        better=better_of(trial.measurements),
+        accepted=None if trial.T_accepted is None else Placed.of(trial.T_accepted, trial.scale, truth),
         state=trial.state,
         state_reason=trial.state_reason,
-        final=None if trial.T_final is None else _placed(pair, trial.T_final, trial.scale),
+        final=None if trial.T_final is None else Placed.of(trial.T_final, trial.scale, truth),
         later=measured(trial.later),
         walls_m=growth.walls_m,
-        distance2=None if sure is None else sure.distance2,
+        distance2=distance2,
         sigma_max_m=None if sure is None else sure.sigma_max_m,
         match_s=trial.match_s,
-        verified_s=tuple(observed - integrated for observed, integrated in verified_s),
+        verified_s=tuple(observed - searched - integrated for observed, searched, integrated in verified_s),
         integrated_s=growth.integrated_s,
+        anew_s=tuple(searched_s for searched_s in trial.searched_s if searched_s > 0.0),
+        final_s=trial.final_s,
     )
 
 
@@ -131,6 +154,10 @@ def measured(measurements: Mapping[str, Measurement]) -> dict[str, float]:
     return numbers
 
 
-def _placed(pair: Pair, T: Transform, scale: float) -> Placed:
-    error = None if pair.truth is None else pair.truth.error(T, scale)
-    return Placed(T.x_m, T.y_m, T.yaw_rad, scale, error)
+def better_of(measurements: Mapping[str, Measurement]) -> dict[str, Better]:
+    """Which way the numbers of which that is known should go: score and margin by contract, metrics as they say.
+
+    Of evidence and details nobody says it.
+    """
+    told: dict[str, Better] = {"score": "higher", "margin": "higher"}
+    return told | {name: measurement.better for name, measurement in measurements.items()}

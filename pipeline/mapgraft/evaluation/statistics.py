@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +13,7 @@ RESAMPLES = 1000
 LEVEL = 0.95
 _TAILS = ((1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0)
 
+Better = Literal["higher", "lower"]
 Weights = NDArray[np.float64]  # (resamples, n) how often each thing was drawn in each resample
 
 
@@ -31,7 +33,9 @@ class Area:
     """How well a number tells right from wrong, with its interval; NaN where one of the two is missing.
 
     The area under the receiver operating characteristic: the share of pairs of one right and one wrong thing of which
-    the right one has the larger number, ties counted half. ``right`` and ``wrong`` say how many of each had the number.
+    the right one has the better number, ties counted half. ``better`` says which that is, ``told`` whether that was
+    known beforehand; if not it is the one that tells more, and the area at least .5. ``right`` and ``wrong`` say how
+    many of each had the number.
     """
 
     right: int
@@ -39,15 +43,18 @@ class Area:
     value: float
     low: float
     high: float
+    better: Better = "higher"
+    told: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """The median and the 95th percentile of ``count`` numbers; NaN where there is none."""
+    """The median, the 95th percentile and the largest of ``count`` numbers; NaN where there is none."""
 
     count: int
     median: float
     p95: float
+    largest: float
 
 
 def resampled(blocks: ArrayLike, seed: int, resamples: int = RESAMPLES) -> Weights:
@@ -101,11 +108,20 @@ def clopper_pearson(count: int, of: int) -> tuple[float, float]:
     return (0.0, 1.0 - bound) if count == 0 else (bound, 1.0)
 
 
-def area(values: ArrayLike, right: ArrayLike, weights: Weights) -> Area:
+def area(values: ArrayLike, right: ArrayLike, weights: Weights, better: Better | None = None) -> Area:
     """The area under the curve of ``values`` (n,) for telling the things that are ``right`` (n,) bool from the others.
 
-    Things whose value is NaN are left out.
+    Without ``better`` it is found out which way the values tell more. Things whose value is NaN are left out.
     """
+    higher = _area(values, right, weights)
+    lower = replace(higher, value=1.0 - higher.value, low=1.0 - higher.high, high=1.0 - higher.low, better="lower")
+    if better is not None:
+        return lower if better == "lower" else higher
+    return replace(lower if lower.value > higher.value else higher, told=False)
+
+
+def _area(values: ArrayLike, right: ArrayLike, weights: Weights) -> Area:
+    """The area where more is better."""
     given, is_right = np.asarray(values, np.float64), np.asarray(right, np.bool_)
     there = ~np.isnan(given)
     given, is_right, weights = given[there], is_right[there], weights[:, there]
@@ -137,9 +153,9 @@ def spread(values: ArrayLike) -> Spread:
     given = np.asarray(values, np.float64)
     given = given[~np.isnan(given)]
     if not given.size:
-        return Spread(0, math.nan, math.nan)
-    median, p95 = np.quantile(given, (0.5, 0.95)).tolist()
-    return Spread(len(given), median, p95)
+        return Spread(0, math.nan, math.nan, math.nan)
+    median, p95, largest = np.quantile(given, (0.5, 0.95, 1.0)).tolist()
+    return Spread(len(given), median, p95, largest)
 
 
 def _percentiles(values: NDArray[np.float64]) -> tuple[float, float]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.evaluation.certainty import ELLIPSE_95, WIDE_M
-from mapgraft.evaluation.scored import Scored
+from mapgraft.evaluation.scored import Placed, Scored
 from mapgraft.evaluation.statistics import Area, Share, Spread, Weights, area, share, spread
 
 SOME_OVERLAP, MUCH_OVERLAP = 0.3, 0.5
@@ -68,15 +68,26 @@ class Afterwards:
 
 @dataclass(frozen=True, slots=True)
 class Honesty:
-    """The covariances of right best hypotheses.
+    """The covariances of best hypotheses.
 
-    ``inside``: whose 95 % ellipse holds the truth, of those that have a covariance; ``without`` counts those that have
-    none, and ``degenerate`` those whose covariance says that the walls may lie 0.5 m off.
+    Of right ones: ``inside``, whose 95 % ellipse holds the truth, of those that have a covariance; ``without`` counts
+    those that have none, and ``degenerate`` those whose covariance says that the walls may lie 0.5 m off.
+    ``degenerate_of_all`` are the same of all best hypotheses with a covariance, right or wrong.
     """
 
     inside: Share
     without: int
     degenerate: Share
+    degenerate_of_all: Share
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """How far right best hypotheses are off: walls in metres, the angle in degrees, keypoints in pixels."""
+
+    error_m: Spread
+    error_deg: Spread
+    error_px: Spread
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,21 +104,25 @@ class Summary:
     recall_from_some_overlap: Share
     acceptance: Acceptance
     afterwards: Afterwards
+    errors: Errors
     covariance: Honesty
     auc: Mapping[str, Area]
 
 
 @dataclass(frozen=True, slots=True)
 class Times:
-    """Wall clock in milliseconds over pairs.
+    """Wall clock in milliseconds.
 
-    ``match_ms``: one match. The others are per further scan, on average over those of a pair: ``integrate_ms`` what it
-    takes to map it, ``verify_ms`` what it takes more when a merge stands.
+    Over pairs: ``match_ms``, one match; ``final_ms``, the last look at the merge; and on average over the further scans
+    of the pair ``integrate_ms``, what it takes to map one, and ``verify_ms``, what it takes more when a merge stands,
+    without the searches for a better transform. ``anew_ms`` is over those, each for itself.
     """
 
     match_ms: Spread
-    verify_ms: Spread
     integrate_ms: Spread
+    verify_ms: Spread
+    anew_ms: Spread
+    final_ms: Spread
 
 
 def bin_of(overlap: float) -> int:
@@ -148,17 +163,20 @@ def summarize(scored: Sequence[Scored], weights: Weights) -> Summary:
         ),
         acceptance=_acceptance(crowd),
         afterwards=_afterwards(crowd),
+        errors=_errors([one.best for one in scored if one.best is not None and one.best.right]),
         covariance=_honesty(crowd),
         auc=_areas(scored, weights),
     )
 
 
 def times_of(scored: Sequence[Scored]) -> Times:
-    """How long matching, verifying and mapping took."""
+    """How long matching, mapping, verifying and registering anew took."""
     return Times(
-        spread([1e3 * one.match_s for one in scored if one.match_s is not None]),
-        spread([1e3 * fmean(one.verified_s) for one in scored if one.verified_s]),
-        spread([1e3 * fmean(one.integrated_s) for one in scored if one.integrated_s]),
+        match_ms=spread([1e3 * one.match_s for one in scored if one.match_s is not None]),
+        integrate_ms=spread([1e3 * fmean(one.integrated_s) for one in scored if one.integrated_s]),
+        verify_ms=spread([1e3 * fmean(one.verified_s) for one in scored if one.verified_s]),
+        anew_ms=spread([1e3 * searched_s for one in scored for searched_s in one.anew_s]),
+        final_ms=spread([1e3 * one.final_s for one in scored if one.final_s is not None]),
     )
 
 
@@ -212,23 +230,37 @@ def _afterwards(crowd: _Crowd) -> Afterwards:
 
 def _honesty(crowd: _Crowd) -> Honesty:
     def told(one: Scored) -> bool:
-        return one.distance2 is not None
+        return one.sigma_max_m is not None
+
+    def wide(one: Scored) -> bool:
+        return one.sigma_max_m is not None and one.sigma_max_m > WIDE_M
 
     return Honesty(
-        inside=crowd.share(lambda one: one.distance2 is not None and one.distance2 <= ELLIPSE_95, told),
+        inside=crowd.share(
+            lambda one: one.distance2 is not None and one.distance2 <= ELLIPSE_95,
+            lambda one: one.distance2 is not None,
+        ),
         without=crowd.count(lambda one: one.right and not told(one)),
-        degenerate=crowd.share(lambda one: one.sigma_max_m is not None and one.sigma_max_m > WIDE_M, told),
+        degenerate=crowd.share(wide, lambda one: one.right and told(one)),
+        degenerate_of_all=crowd.share(wide, told),
+    )
+
+
+def _errors(placed: Sequence[Placed]) -> Errors:
+    def of(values: Sequence[float | None]) -> Spread:
+        return spread([value for value in values if value is not None])
+
+    return Errors(
+        of([one.error_m for one in placed]), of([one.error_deg for one in placed]), of([one.error_px for one in placed])
     )
 
 
 def _areas(scored: Sequence[Scored], weights: Weights) -> dict[str, Area]:
-    """How well each number tells right from wrong best hypotheses; metrics that should be low are turned round."""
+    """How well each number tells right from wrong best hypotheses, each in its own direction."""
     best = [(place, one) for place, one in enumerate(scored) if one.best is not None]
     places = np.array([place for place, _ in best], np.int64)
     right = np.array([one.right for _, one in best], np.bool_)
     names = dict.fromkeys(name for _, one in best for name in one.numbers)
-    lower = frozenset[str]().union(*(one.lower for _, one in best))
+    better = {name: way for _, one in best for name, way in one.better.items()}
     columns = {name: np.array([one.numbers.get(name, np.nan) for _, one in best]) for name in names}
-    return {
-        name: area(-values if name in lower else values, right, weights[:, places]) for name, values in columns.items()
-    }
+    return {name: area(values, right, weights[:, places], better.get(name)) for name, values in columns.items()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from mapgraft.config import ReversalName
 from mapgraft.contracts import MapType, Match, Measurement, Observation, Transform
@@ -31,8 +31,9 @@ class Trial:
     ``best`` is the matcher's first hypothesis with its ``measurements``; ``T_accepted`` the transform that was accepted
     and ``T_final`` the one at which the merge stands after further mapping, or was reverted, both with ``scale``.
     ``state`` is the merge's state then, with ``later``, the last measurements; empty where nothing was accepted.
-    ``match_s`` is None where the decision table turned the pair away, ``observed_s`` what each further scan took with
-    the merge standing.
+    ``match_s`` is None where the decision table turned the pair away. ``observed_s`` is what each further scan took
+    with the merge standing, ``searched_s`` what of that were searches for a better transform, 0 for most scans, and
+    ``final_s`` what the last look took, None where nothing was merged.
     """
 
     rule: str
@@ -48,6 +49,8 @@ class Trial:
     later: Mapping[str, Measurement]
     match_s: float | None
     observed_s: tuple[float, ...]
+    searched_s: tuple[float, ...]
+    final_s: float | None
 
 
 def offering(pair: Pair, table: DecisionTable, workshop: Workshop) -> Robot:
@@ -68,12 +71,12 @@ def attempt(pair: Pair, donor: Robot, table: DecisionTable, workshop: Workshop, 
         stamp_ns = side.observations[-1].stamp_ns
         receiver.consider(donor.offer(), donor.layer, stamp_ns)
         attempted = history.events[-1]
-        observed_s = _map_on(receiver, pair.further) if receiver.merges else ()
+        took = _map_on(receiver, pair.further, witness) if receiver.merges else _Took()
     except PluginError as error:
         raise PluginError(f"pair {pair.plan.number}: {error}") from error
     finally:
         workshop.watch = None
-    return _told(witness, history.events, attempted, observed_s)
+    return _told(witness, history.events, attempted, took)
 
 
 def _robot(
@@ -93,19 +96,30 @@ def _robot(
     return robot
 
 
-def _map_on(receiver: Robot, further: Sequence[Observation]) -> tuple[float, ...]:
-    """Observe further scans, verifying as they come, and take a last look; what each scan took, in seconds."""
-    observed_s = []
+class _Took(NamedTuple):
+    """Seconds: of each further scan, of the searches in it, and of the last look."""
+
+    observed_s: tuple[float, ...] = ()
+    searched_s: tuple[float, ...] = ()
+    final_s: float | None = None
+
+
+def _map_on(receiver: Robot, further: Sequence[Observation], witness: Witness) -> _Took:
+    """Observe further scans, verifying as they come, and take a last look."""
+    if not further:
+        return _Took()
+    observed_s, searched_s = [], []
     for observation in further:
-        began_s = perf_counter()
+        began_s, before_s = perf_counter(), witness.around_prior_s
         receiver.observe(observation)
         observed_s.append(perf_counter() - began_s)
-    if further:
-        receiver.finish(further[-1].stamp_ns)
-    return tuple(observed_s)
+        searched_s.append(witness.around_prior_s - before_s)
+    began_s = perf_counter()
+    receiver.finish(further[-1].stamp_ns)
+    return _Took(tuple(observed_s), tuple(searched_s), perf_counter() - began_s)
 
 
-def _told(witness: Witness, events: Sequence[Event], attempted: Event, observed_s: tuple[float, ...]) -> Trial:
+def _told(witness: Witness, events: Sequence[Event], attempted: Event, took: _Took) -> Trial:
     verdicts: dict[str, Verdict] = {"rejected": "rejected", "unmatched": "unmatched", "ambiguous": "ambiguous"}
     merged = next((event for event in events if event.kind == "merged"), None)
     first = merged or attempted
@@ -127,7 +141,7 @@ def _told(witness: Witness, events: Sequence[Event], attempted: Event, observed_
         scale=merged.scale if merged else 1.0,
         later={m.name: m for m in later.measurements} if merged and later else {},
         match_s=witness.match_s[0] if witness.match_s else None,
-        observed_s=observed_s,
+        **took._asdict(),
     )
 
 

@@ -54,7 +54,7 @@ def write_judged(out: Path, judged: Sequence[Judged], workshop: Workshop) -> lis
         out.mkdir(parents=True, exist_ok=True)
         staging = Staging(out)
         for one in judged:
-            if one.pairing.best is not None and (one.merged or one.pair.kind != "unrelated"):
+            if one.pairing.best is not None and (one.pairing.accepted or one.pair.kind != "unrelated"):
                 staging.write(f"{names[one.pair.id]}.png", picture(one.pairing, one.pairing.best, workshop))
         return staging.publish()
 

@@ -6,12 +6,16 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from pathlib import Path
 
 import numpy as np
 
 from mapgraft.contracts import MapError, Points, Transform
 from mapgraft.errors import UsageError
+from mapgraft.evaluation.certainty import certainty, walls_middle
+from mapgraft.evaluation.scored import Placed, Scored, better_of, numbers_of
+from mapgraft.evaluation.statistics import resampled
+from mapgraft.evaluation.summary import Summary, Times, summarize, times_of
 from mapgraft.evaluation.truth import Truth
 from mapgraft.matching.pair_list import MapFile, PairList, TruePair
 from mapgraft.matching.pairing import Hypothesis, Pairer, Pairing
@@ -19,39 +23,23 @@ from mapgraft.matching.pixels import Frame, Similarity, in_metres, in_pixels, mo
 from mapgraft.matching.placing import in_type_of
 from mapgraft.matching.ready_map import ReadyMap
 
+SEED = 0  # of the resampling
 RIGHT_PX = 40.0  # root mean square of the keypoints' errors
 _SAME_SCALE = 0.1  # relative: a truth whose scale differs more is of a map whose resolution is not known
 
 Read = Callable[[MapFile, int], ReadyMap]  # a file of the list and which side it is on, 0 or 1
 
 
-class Error(NamedTuple):
-    """How far a hypothesis is off; the keypoints' error where the truth has keypoints, else the walls' displacement."""
-
-    displacement_m: float | None
-    rotation_deg: float | None
-    keypoint_px: float | None
-    right: bool
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Judged:
-    """One pair of a list with what came of it.
+    """One pair of a list with what came of it, and how that holds against the truth.
 
-    ``first`` judges the matcher's first hypothesis, ``accepted`` the one that was accepted; None where there is none,
-    and for unrelated pairs, where every accepted one is wrong. ``overlap`` is the number of units that both maps know,
-    placed as the truth says, over that of the smaller one; None for unrelated pairs.
+    What ``scored`` calls across are unrelated pairs, where every hypothesis is wrong.
     """
 
     pair: TruePair
     pairing: Pairing
-    first: Error | None = None
-    accepted: Error | None = None
-    overlap: float | None = None
-
-    @property
-    def merged(self) -> bool:
-        return self.pairing.accepted is not None
+    scored: Scored
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,36 +73,58 @@ def judge(
     return out, left
 
 
+def summed_up(judged: Sequence[Judged]) -> tuple[Summary, Times]:
+    """What ``mapgraft evaluate`` counts; intervals are by bootstrap over the map files: one file is in many pairs."""
+    files: dict[Path, int] = {}
+    blocks = [[files.setdefault(path, len(files)) for path in (j.pair.a.path, j.pair.b.path)] for j in judged]
+    scored = [one.scored for one in judged]
+    return summarize(scored, resampled(np.array(blocks, np.int64).reshape(-1, 2), SEED)), times_of(scored)
+
+
 def _judged(pair: TruePair, pairing: Pairing, pairer: Pairer, right_px: float) -> Judged:
-    slim = dataclasses.replace(pairing, merged=None)
-    if pair.kind == "unrelated":
-        return Judged(pair, slim)
-    truth = _truth(pair, pairing, pairer)
-    measure = _by_walls(truth) if pair.keypoints is None else _by_keypoints(pair, pair.keypoints, pairing, right_px)
-    first = measure(pairing.hypotheses[0]) if pairing.hypotheses else None
-    accepted = measure(pairing.accepted) if pairing.accepted else None
-    return Judged(pair, slim, first, accepted, truth.overlap)
+    truth = None if pair.kind == "unrelated" else _truth(pair, pairing, pairer)
+    place = _placing(pair, pairing, truth, right_px)
+    first = pairing.hypotheses[0] if pairing.hypotheses else None
+    measured = {} if first is None else {m.name: m for m in first.measurements or ()}
+    b = pairing.b
+    sure = None if first is None else certainty(first.match, walls_middle(truth, b.map_type, b.view))
+    scored = Scored(
+        overlap=None if truth is None else truth.overlap,
+        verdict=pairing.verdict,
+        reason=pairing.reason,
+        rule="" if pairing.ruling.rule is None else pairing.ruling.rule.name,
+        best=None if first is None else place(first),
+        numbers={} if first is None else numbers_of(first.match, measured),
+        better=better_of(measured),
+        accepted=None if pairing.accepted is None else place(pairing.accepted),
+        sigma_max_m=None if sure is None else sure.sigma_max_m,
+        match_s=None if pairing.verdict == "rejected" else pairing.match_s,
+    )
+    return Judged(pair, dataclasses.replace(pairing, merged=None), scored)
 
 
-def _by_keypoints(
-    pair: TruePair, keypoints: tuple[Points, Points], pairing: Pairing, right_px: float
-) -> Callable[[Hypothesis], Error]:
-    frames, (ours, theirs) = _frames(pair, pairing.a, pairing.b), keypoints
+def _placing(pair: TruePair, pairing: Pairing, truth: Truth | None, right_px: float) -> Callable[[Hypothesis], Placed]:
+    """What holds a hypothesis against the truth: keypoints where there are any, else the walls."""
 
-    def measure(hypothesis: Hypothesis) -> Error:
+    def by_walls(hypothesis: Hypothesis) -> Placed:
+        return Placed.of(hypothesis.match.T_receiver_donor, hypothesis.match.scale, truth)
+
+    if pair.keypoints is None or truth is None:
+        return by_walls
+    frames, (ours, theirs) = _frames(pair, pairing.a, pairing.b), pair.keypoints
+
+    def by_keypoints(hypothesis: Hypothesis) -> Placed:
         T = in_pixels(*frames, _similarity(hypothesis))
-        off = float(np.sqrt((np.linalg.norm(moved(T, theirs) - ours, axis=1) ** 2).mean()))
-        return Error(None, _turn_deg(pair, T), off, off <= right_px)
+        off_px = float(np.sqrt((np.linalg.norm(moved(T, theirs) - ours, axis=1) ** 2).mean()))
+        return dataclasses.replace(
+            by_walls(hypothesis),
+            right=off_px <= right_px,
+            error_m=None,
+            error_deg=_turn_deg(pair, T),
+            error_px=off_px,
+        )
 
-    return measure
-
-
-def _by_walls(truth: Truth) -> Callable[[Hypothesis], Error]:
-    def measure(hypothesis: Hypothesis) -> Error:
-        error = truth.error(hypothesis.match.T_receiver_donor, hypothesis.match.scale)
-        return Error(error.displacement_m, error.rotation_deg, None, error.right)
-
-    return measure
+    return by_keypoints
 
 
 def _truth(pair: TruePair, pairing: Pairing, pairer: Pairer) -> Truth:
