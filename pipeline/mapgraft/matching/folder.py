@@ -66,8 +66,8 @@ def picture(pairing: Pairing, hypothesis: Hypothesis, workshop: Workshop) -> byt
     theirs = placed_sketch(workshop, a, b, T, match.scale)
     verdict = "accepted" if hypothesis.accepted else f"NOT accepted ({pairing.verdict})"
     where = f"x {T.x_m:.2f} m, y {T.y_m:.2f} m, yaw {math.degrees(T.yaw_rad):.1f}°"
-    names = (a.name, b.name) if a.name != b.name else (f"A: {a.name}", f"B: {b.name}")
-    return png(*paint(sketch(a.map_type, a.view), theirs), f"B in A at {where}; {verdict}", names)
+    names = (f"A ({a.name})", f"B ({b.name})")
+    return png(*paint(sketch(a.map_type, a.view), theirs), f"{verdict}: B lies in A at {where}", names)
 
 
 def _files(pairing: Pairing, workshop: Workshop) -> dict[str, bytes]:

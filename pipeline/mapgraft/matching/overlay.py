@@ -26,7 +26,8 @@ COLOURS: Final = np.array(  # walls: blue and orange of Okabe and Ito's palette,
 SMALLEST_PX: Final = 900  # of the longer side; small maps are shown with several pixels per cell
 LARGEST_PX: Final = 2600  # large ones with several cells per pixel, in which a wall always shows
 _DPI: Final = 100
-_MARGIN_PX: Final = (70, 90, 20, 60)  # left, bottom, right, top: axes in metres, legend, title
+_EDGE: Final = 0.03  # of the longer side: so much unknown space around the maps, so that no wall lies on the frame
+_MARGIN_PX: Final = (70, 105, 20, 45)  # left, bottom, right, top: axes in metres, legend, title
 _LEAST_PX: Final = 560  # of the shorter side, so that the legend has room
 _LONGEST_NAME: Final = 32
 _NEAR_CELLS: Final = 1.0  # walls as near as this, in the coarser map's cells, agree
@@ -89,6 +90,7 @@ def png(picture: Picture, canvas: Canvas, title: str, names: tuple[str, str]) ->
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    picture, canvas = _framed(picture, canvas)
     times = max(1, math.ceil(SMALLEST_PX / max(picture.shape)))
     wide, high = (max(_LEAST_PX, side * times) for side in (canvas.columns, canvas.rows))
     left, bottom, right, top = _MARGIN_PX
@@ -102,6 +104,8 @@ def png(picture: Picture, canvas: Canvas, title: str, names: tuple[str, str]) ->
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
     axes.set_title(title, loc="left", fontsize=10, parse_math=False)
+    axes.tick_params(color="0.5")
+    axes.spines[:].set_color("0.5")
     _legend(figure, names)
     with warnings.catch_warnings(), io.BytesIO() as stream:
         warnings.simplefilter("ignore")  # of letters in a file's name that the font does not have
@@ -109,11 +113,26 @@ def png(picture: Picture, canvas: Canvas, title: str, names: tuple[str, str]) ->
         return stream.getvalue()
 
 
+def _framed(picture: Picture, canvas: Canvas) -> tuple[Picture, Canvas]:
+    """The same with unknown space around."""
+    cells = math.ceil(_EDGE * max(picture.shape))
+    edge_m = cells * canvas.side_m
+    rows, columns = canvas.rows + 2 * cells, canvas.columns + 2 * cells
+    framed = Canvas(canvas.x_m - edge_m, canvas.y_m - edge_m, canvas.side_m, rows, columns)
+    return np.pad(picture, cells, constant_values=UNKNOWN), framed
+
+
 def _legend(figure: Figure, names: tuple[str, str]) -> None:
     from matplotlib.patches import Patch
 
     ours, theirs = (name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…" for name in names)
-    said = {OURS: f"only {ours}", THEIRS: f"only {theirs}", BOTH: "walls of both", FREE: "free", UNKNOWN: "unknown"}
+    said = {  # column by column: walls above, space below
+        OURS: f"walls of {ours} only",
+        FREE: "free",
+        THEIRS: f"walls of {theirs} only",
+        UNKNOWN: "unknown",
+        BOTH: "walls of both",
+    }
     patches = [
         Patch(facecolor=COLOURS[kind], edgecolor="0.4", linewidth=0.5, label=text) for kind, text in said.items()
     ]
