@@ -15,6 +15,7 @@ from mapgraft.errors import MapgraftError
 # The class of all faults on a command line; typer has kept it in different places.
 USAGE_FAULT = cast("type[Exception]", typer.BadParameter.__mro__[1])
 INTERRUPTED = 130  # what a shell expects of a program that Ctrl-C ended
+LOGGING = ("run", "revert", "confirm", "forbid")  # commands that write while they go on
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -271,11 +272,11 @@ def invoke(arguments: list[str]) -> int:
     debug = "--debug" in arguments
     try:
         code = app(args=arguments, prog_name="mapgraft", standalone_mode=False)
-        return _ended(code if isinstance(code, int) else 0)
+        return _ended(code if isinstance(code, int) else 0, arguments)
     except typer.Exit as exit_:
-        return _ended(exit_.exit_code)
+        return _ended(exit_.exit_code, arguments)
     except (KeyboardInterrupt, typer.Abort):
-        return _ended(INTERRUPTED)
+        return _ended(INTERRUPTED, arguments)
     except USAGE_FAULT as error:
         return _usage(error)
     except MapgraftError as error:
@@ -291,8 +292,12 @@ def invoke(arguments: list[str]) -> int:
         return _fail(f"internal error, {type(error).__name__}: {error}; run again with --debug to see where", 1)
 
 
-def _ended(code: int) -> int:
-    return _fail("interrupted; what was decided before is on disk", code) if code == INTERRUPTED else code
+def _ended(code: int, arguments: list[str]) -> int:
+    if code != INTERRUPTED:
+        return code
+    command = next((word for word in arguments if not word.startswith("-")), "")
+    left = "what was decided before is on disk" if command in LOGGING else "nothing was written"
+    return _fail(f"interrupted; {left}", code)
 
 
 def _usage(fault: Exception) -> int:

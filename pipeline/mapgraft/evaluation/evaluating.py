@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +20,7 @@ from mapgraft.evaluation.drawing import PairPlan
 from mapgraft.evaluation.scored import Scored
 from mapgraft.evaluation.statistics import resampled
 from mapgraft.evaluation.summary import Summary, Times, summarize, times_of
+from mapgraft.evaluation.workers import workers
 from mapgraft.plugins import Plugins
 
 Progress = Callable[[int], None]
@@ -129,25 +127,5 @@ def _results(bench: Bench, jobs: int) -> Iterator[Iterator[Judged]]:
         bench.judge(0)  # compiles and loads what there is, so that no time tells of that
         yield map(bench.judge, numbers)
         return
-    context = multiprocessing.get_context("spawn")  # a fork would copy locks that other threads hold
-    given = (bench.courses, bench.config, bench.plugins, bench.settings)
-    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin, initargs=given)
-    try:
-        yield pool.map(_judge, numbers)
-        pool.shutdown()
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        raise
-
-
-_bench: list[Bench] = []  # of a process that shares the work
-
-
-def _begin(courses: Sequence[Course], config: Config, plugins: Plugins, settings: Settings) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever asked is interrupted, and ends this process
-    _bench[:] = [Bench(courses, config, plugins, settings)]
-    _bench[0].judge(0)
-
-
-def _judge(number: int) -> Judged:
-    return _bench[0].judge(number)
+    with workers(bench, jobs) as results:
+        yield results

@@ -1,0 +1,112 @@
+"""Processes that share the work end with whoever asked for it, and say nothing of their own."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from mapgraft.config import parse_config
+from mapgraft.errors import PluginError, UsageError
+from mapgraft.evaluation import Bench, Drawing, Settings
+from mapgraft.evaluation.workers import workers
+from mapgraft_recordings import demo_files
+
+pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads /proc to find the processes")
+BUSY_S = 4.0  # of processor time: past the imports, within the pairs
+TICKS = os.sysconf("SC_CLK_TCK")
+
+
+@pytest.fixture
+def evaluating() -> Iterator[subprocess.Popen[str]]:
+    """``mapgraft evaluate --jobs 2`` in a session of its own, with more to do than anybody waits for."""
+    command = [sys.executable, "-m", "mapgraft", "evaluate", str(demo_files()[0][0]), "--jobs", "2"]
+    small = ["--scans", "20", "--further", "5", "--pairs", "500"]
+    with subprocess.Popen(
+        [*command, *small], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        yield process
+        for pid in processor_s_of(process.pid):
+            os.kill(pid, signal.SIGKILL)
+
+
+def processor_s_of(session: int) -> dict[int, float]:
+    """The processes of a session, with the processor time that each took."""
+    found: dict[int, float] = {}
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = path.read_text().rsplit(")", 1)[1].split()
+        except OSError:  # ended meanwhile
+            continue
+        if int(fields[3]) == session and fields[0] != "Z":
+            found[int(path.parent.name)] = (int(fields[11]) + int(fields[12])) / TICKS
+    return found
+
+
+def wait_until(session: int, enough: Callable[[dict[int, float]], bool]) -> None:
+    """Wait for something to hold of the children (the parent left out)."""
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline:
+        children = {pid: s for pid, s in processor_s_of(session).items() if pid != session}
+        if enough(children):
+            return
+        time.sleep(0.02)
+    pytest.fail("the processes did not come that far")
+
+
+def begun(children: dict[int, float]) -> bool:
+    return len(children) >= 3  # two that share the work, and the one that Python keeps its books with
+
+
+def busy(children: dict[int, float]) -> bool:
+    return sum(taken_s > BUSY_S for taken_s in children.values()) == 2
+
+
+@pytest.mark.parametrize(("enough", "send"), [(begun, os.kill), (busy, os.kill), (begun, os.killpg), (busy, os.killpg)])
+def test_an_interrupt_leaves_no_process_and_no_traceback(evaluating, enough, send):
+    """Of the parent alone, and of all processes at once as Ctrl-C in a terminal does."""
+    wait_until(evaluating.pid, enough)
+    send(evaluating.pid, signal.SIGINT)
+    out, err = evaluating.communicate(timeout=60)  # returns when nobody holds the streams any more
+    assert (evaluating.returncode, out, err) == (130, "", "mapgraft: interrupted; nothing was written\n")
+    assert processor_s_of(evaluating.pid) == {}
+
+
+def test_when_the_parent_is_killed_the_others_end(evaluating):
+    wait_until(evaluating.pid, busy)
+    evaluating.kill()
+    evaluating.communicate(timeout=60)
+    wait_until(evaluating.pid, lambda children: not children)
+
+
+@pytest.fixture
+def bench(courses, plugins) -> Bench:
+    return Bench(courses, parse_config({}), plugins, Settings(Drawing(pairs=6, scans=20, further=5), baseline=False))
+
+
+def test_leaving_early_ends_the_processes(bench):
+    with workers(bench, 2) as results:
+        assert next(results).number == 0
+        some = processor_s_of(os.getsid(0)).keys()
+    assert len(some - processor_s_of(os.getsid(0)).keys()) == 2
+
+
+def test_a_process_that_dies_is_told(bench):
+    before = processor_s_of(os.getsid(0)).keys()
+    with pytest.raises(PluginError, match="has ended by itself"), workers(bench, 2) as results:
+        for pid in processor_s_of(os.getsid(0)).keys() - before:
+            if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes():
+                os.kill(pid, signal.SIGKILL)
+        list(results)
+
+
+def test_what_a_process_raises_is_raised(bench):
+    bench.settings = Settings(bench.settings.drawing, matcher="none such")
+    with pytest.raises(UsageError, match="none such"), workers(bench, 2) as results:
+        list(results)
