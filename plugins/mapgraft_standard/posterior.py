@@ -25,7 +25,7 @@ class Posterior:
     def __init__(
         self,
         *,
-        provisional: float = 0.8,
+        provisional: float = 0.9,
         ambiguous: float = 0.5,
         metric: str = "posterior",
         metrics: Mapping[str, Any] | None = None,

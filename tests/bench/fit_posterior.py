@@ -38,7 +38,7 @@ GROUPS, BUILDINGS, PAIRS = 6, 12, 400
 WINDOWS = (20, 30, 30, 45, 70, 140)  # scans, one for each group
 RESOLUTIONS_M = ((0.07, 0.07), (0.07, 0.1), (0.1, 0.07), (0.05, 0.05), (0.05, 0.1))
 RIDGE = 3.0
-PROVISIONAL = 0.8  # what is printed at: the default of the rules
+PROVISIONAL = 0.9  # what is printed at: the default of the rules
 CELLS, MARGIN, TRACES = ("evidence", "kappa", "good", "patches"), ("margin",), ("beams", "steps")
 FEATURES = ((*CELLS, *MARGIN, *TRACES), (*CELLS, *TRACES), (*CELLS, *MARGIN), CELLS)
 
