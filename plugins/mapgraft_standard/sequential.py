@@ -109,6 +109,11 @@ class Sequential:
     def _start(self, first: Sample) -> float:
         """The log-odds of being wrong with which the test starts."""
         prior = first.measurements.get(self.prior)
+        if prior is None and self.prior_max > 0.0:
+            raise PluginError(
+                f"the metric {self.prior} was not measured at the merge: a rule must name it under verify, as a metric or "
+                "in the log, or set prior_max: 0"
+            )
         if prior is None or not prior.sufficient:
             return 0.0
         right = min(max(prior.value, 1e-12), 1.0 - 1e-12)

@@ -128,6 +128,13 @@ def test_a_merged_map_says_nothing_of_the_prior_later() -> None:
     assert Sequential().verify(told, "single_map").action == "keep"
 
 
+def test_the_rule_must_name_the_prior_or_want_none() -> None:
+    news = {"news": sample(3, 1).measurements["news"]}
+    with pytest.raises(PluginError, match="posterior was not measured at the merge"):
+        Sequential().verify([Sample(0, 0, news)] * 2, "ledger")
+    assert Sequential(prior_max=0.0).verify([Sample(0, 0, news)] * 2, "ledger").action == "keep"
+
+
 def test_the_rule_must_name_the_news() -> None:
     lacking = Sample(0, 0, {"posterior": Measurement("posterior", 0.9, "1", 9, "higher")})
     with pytest.raises(PluginError, match="news was not measured"):
