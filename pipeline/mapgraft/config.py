@@ -198,6 +198,13 @@ def parse_config(given: Mapping[str, Any], origin: str = "the configuration", fo
     return config if folder is None else _anchored(config, folder)
 
 
+def yaml_fault(error: YAMLError) -> str:
+    """Where and what the fault is, in one line: `` at line 3, column 4: …``."""
+    mark = getattr(error, "problem_mark", None)
+    at = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+    return f"{at}: {getattr(error, 'problem', None) or ' '.join(str(error).split())}"
+
+
 def read_mapping(path: Path) -> dict[str, Any]:
     """The mapping in a YAML 1.2 or TOML file; raises ConfigError with one sentence."""
     try:
@@ -205,13 +212,11 @@ def read_mapping(path: Path) -> dict[str, Any]:
     except FileNotFoundError:
         raise ConfigError(f"there is no file {path}: check the path") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path} cannot be read: {error}") from None
+        raise ConfigError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
     try:
         given = tomllib.loads(text) if path.suffix == ".toml" else YAML(typ="safe", pure=True).load(text)
     except YAMLError as error:
-        where = getattr(error, "problem_mark", None)
-        at = f" at line {where.line + 1}, column {where.column + 1}" if where else ""
-        raise ConfigError(f"{path} is not valid YAML{at}: {getattr(error, 'problem', None) or error}") from None
+        raise ConfigError(f"{path} is not valid YAML{yaml_fault(error)}") from None
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path} is not valid TOML: {error}") from None
     if given is None:

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from mapgraft.config import Choice, ReversalName, Section, path_of, text_of
+from mapgraft.config import Choice, ReversalName, Section, path_of, text_of, yaml_fault
 from mapgraft.contracts import DecisionTableError, MapMetadata, PluginError
 from mapgraft.plugins import Broken, PluginKind, Plugins
 
@@ -285,7 +285,7 @@ def parse_rules(text: str, origin: str) -> list[Rule]:
     try:
         given = YAML(typ="safe", pure=True).load(text)
     except YAMLError as error:
-        raise DecisionTableError(f"the decision table {origin} is not valid YAML: {error}") from None
+        raise DecisionTableError(f"the decision table {origin} is not valid YAML{yaml_fault(error)}") from None
     return check_rules(given, origin)
 
 
@@ -318,7 +318,9 @@ def build_table(plugins: Plugins, own: Sequence[Mapping[str, Any]] | Path | None
         try:
             source = own.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
-            raise DecisionTableError(f"the decision table {own} cannot be read: {error}") from None
+            raise DecisionTableError(
+                f"the decision table {own} cannot be read: {getattr(error, 'strerror', None) or error}"
+            ) from None
         rules = parse_rules(source, str(own))
     else:
         rules, source = check_rules(list(own), "in the configuration"), _as_yaml(own)

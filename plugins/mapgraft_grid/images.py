@@ -30,12 +30,16 @@ class Gray(NamedTuple):
     coloured: float = 0.0
 
 
-def read_gray(path: Path, most_pixels: int) -> Gray:
-    """The image in a file; raises MapError when it is missing, no image, or has more than ``most_pixels``."""
+def read_gray(path: Path, most_pixels: int, *, asked_by: str = "") -> Gray:
+    """The image in a file, which the file ``asked_by`` names, if one does.
+
+    Raises MapError when it is missing, no image, or has more than ``most_pixels``.
+    """
     try:
         data = path.read_bytes()
     except OSError as fault:
-        raise MapError(f"the map image {path} cannot be read: {fault.strerror}") from fault
+        named = f", which {asked_by} names," if asked_by else ""
+        raise MapError(f"the map image {path}{named} cannot be read: {fault.strerror}") from fault
     if data[:2] in (b"P2", b"P5"):
         levels = _pgm(path.name, data, most_pixels)
         return _gray(levels, np.ones(levels.shape, np.bool_))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from mapgraft.contracts import GridMessage, MapError, Transform
+from mapgraft.contracts import ConfigError, GridMessage, MapError, Transform
 from mapgraft_grid.grid_map import FREE, LARGEST_DENSE, OCCUPIED, DenseGrid
 from mapgraft_grid.images import Gray, read_gray
 
@@ -40,13 +40,13 @@ def read(path: str | Path, *, unknown_gray: int | None = None, warn: Warn | None
 
     ``unknown_gray`` is the gray, as in the image, that means unknown whatever the file's thresholds say. ``warn`` is
     called with one sentence for each thing that is probably not meant. The image must lie in the yaml's folder.
-    Raises MapError when a file is missing, unreadable or impossible.
+    Raises MapError when a file is missing, unreadable or impossible, ConfigError when ``unknown_gray`` is.
     """
     path = Path(path)
     settings = _settings(path)
     if unknown_gray is not None and not 0 <= unknown_gray <= 255:
-        raise MapError(f"unknown_gray must lie in 0 … 255, found {unknown_gray}")
-    gray = read_gray(_image_path(path, settings.image), LARGEST_DENSE)
+        raise ConfigError(f"unknown_gray must lie in 0 … 255, found {unknown_gray}")
+    gray = read_gray(_image_path(path, settings.image), LARGEST_DENSE, asked_by=path.name)
     cells = _cells(gray, settings)
     lost = cells[gray.raw == UNKNOWN_GRAY]
     if unknown_gray is not None:
@@ -101,13 +101,20 @@ def _settings(path: Path) -> _Settings:
     except OSError as fault:
         raise MapError(f"the map {path} cannot be read: {fault.strerror}") from fault
     except (YAMLError, ValueError) as fault:
-        raise MapError(f"{path.name} is not YAML: {' '.join(str(fault).split())}") from fault
+        raise MapError(f"{path.name} is not YAML{_where(fault)}") from fault
     if not isinstance(found, dict):
         raise MapError(f"{path.name} must describe a map (image, resolution, origin, …), found {type(found).__name__}")
     missing = [name for name in ("image", "resolution", "origin") if name not in found]
     if missing:
         raise MapError(f"{path.name} does not say {', '.join(missing)}: a map needs image, resolution and origin")
     return _checked(path.name, found)
+
+
+def _where(fault: Exception) -> str:
+    """Where and what the fault is, in one line."""
+    mark = getattr(fault, "problem_mark", None)
+    at = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+    return f"{at}: {getattr(fault, 'problem', None) or ' '.join(str(fault).split())}"
 
 
 def _checked(name: str, found: dict[str, object]) -> _Settings:

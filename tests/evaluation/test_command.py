@@ -85,21 +85,33 @@ def test_one_file_has_no_pairs_across_and_several_have(capsys):
     ("arguments", "sentence"),
     [
         (["--scans", "200"], "no recording holds two windows: 460 scans in a row would do"),
+        (["--scans", "200"], "take shorter windows with --scans and --further"),
         (["--pairs", "0"], "pairs must be at least 1, found 0"),
         (["--pairs", "1000000"], "different pairs of windows, 1000000 are wanted: ask for fewer pairs"),
         (["--matcher", "corelation"], "corelation"),
         (["--resolution", "-1"], "a resolution must be above 0 metres, found -1"),
         (["--jobs", "0"], "jobs must be at least 1"),
         (["--across", "2"], "across must be a share"),
-        (["--json", "/nowhere/at/all.json"], "the folder of /nowhere/at/all.json does not exist"),
-        (["--type", "sponge"], "sponge"),
+        (["--json", "/nowhere/at/all.json"], "--json /nowhere/at/all.json: its folder does not exist"),
+        (["--json", "."], "--json .: that is a folder"),
+        (["--type", "sponge"], "there is no map type 'sponge': installed are "),
         (["--rules", "/nowhere.yaml"], "/nowhere.yaml cannot be read"),
     ],
 )
 def test_wrong_usage_is_one_sentence(recording, capsys, arguments, sentence):
     code, out, err = said(capsys, str(recording), *arguments)
-    assert code in (1, 2) and out == ""
+    assert code == 2 and out == "" and "[Errno" not in err
     assert err.startswith("mapgraft: ") and sentence in err and err.count("\n") == 1
+
+
+def test_where_all_pairs_are_turned_away_only_that_is_said(recording, tmp_path, capsys):
+    (tmp_path / "rules.yaml").write_text(
+        "- {name: none, when: {own.type: occupancy_grid}, reject: nothing is wanted}\n"
+    )
+    options = ("--rules", str(tmp_path / "rules.yaml"), "--no-baseline")
+    code, out, err = said(capsys, str(recording), *SMALL, *options)
+    assert (code, out) == (0, "")
+    assert err.startswith("4 of 4 pairs were turned away by the decision table: ")
 
 
 def test_without_a_file_there_is_nothing_to_judge(capsys):

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mapgraft.contracts import MapError, Observation
+from mapgraft.contracts import ConfigError, MapError, Observation
 from mapgraft_grid import map_server
 from mapgraft_grid.map_type import OccupancyGrid
 
@@ -172,12 +172,12 @@ BAD_YAML = {
     "image: map.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 2": "0 or 1",
     "image: map.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nfree_thresh: 0.9": "occupied_thresh",
     "image: [1]\nresolution: 0.1\norigin: [0, 0, 0]": "must be a file name",
-    "image: none.pgm\nresolution: 0.1\norigin: [0, 0, 0]": "cannot be read",
+    "image: none.pgm\nresolution: 0.1\norigin: [0, 0, 0]": r"none\.pgm, which map\.yaml names, cannot be read",
     "image: ../map.pgm\nresolution: 0.1\norigin: [0, 0, 0]": "outside its folder",
     "image: /etc/map.pgm\nresolution: 0.1\norigin: [0, 0, 0]": "image: map.pgm",
     "resolution: 0.1": "does not say image, origin",
     "- 1\n- 2": "must describe a map",
-    "image: [map.pgm": "is not YAML",
+    "image: [map.pgm": "is not YAML at line 1, column 16: expected",
     "a: 1\na: 2": "is not YAML",
     "!!python/object:os.system {}": "is not YAML",
     "\x00": "is not YAML",
@@ -223,5 +223,5 @@ def test_a_missing_description_is_told(tmp_path: Path) -> None:
     with pytest.raises(MapError, match="cannot be read: Is a directory"):
         map_server.read(tmp_path)
     (tmp_path / "map.pgm").write_bytes(_pgm(GRAYS))
-    with pytest.raises(MapError, match="unknown_gray must lie"):
+    with pytest.raises(ConfigError, match="unknown_gray must lie"):
         map_server.read(_write(tmp_path), unknown_gray=300)

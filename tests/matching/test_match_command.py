@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 from mapgraft.cli import invoke
+from mapgraft.commands.match_list import shortened
+from mapgraft.commands.match_text import shown
 from mapgraft_grid import map_server
 from mapgraft_grid.grid_map import FREE, OCCUPIED, DenseGrid
 
@@ -99,6 +102,7 @@ def test_json_tells_the_same_with_the_time(said: Said, pair) -> None:
         "fuse": "log_odds",
         "metrics": ["similarity"],
     }
+    assert told["files"] == []
     assert told["hypotheses"][0]["accepted"]
     assert not any(hypothesis["accepted"] for hypothesis in told["hypotheses"][1:])
 
@@ -111,7 +115,9 @@ def test_what_is_not_accepted_is_shown_and_not_merged(said: Said, pair, stranger
     assert code == 0
     assert "NOT accepted" in text
     assert "not merged" in text
-    assert "1. score" in text
+    assert re.search(r"^ +score +margin +x m +y m +yaw °", text, re.MULTILINE)
+    assert re.search(r"^1 +\S+ +\S+( +-?\d+\.\d+){3}", text, re.MULTILINE)
+    assert "evidence." in text and "similarity" in text and "nan" not in text
     assert {path.name for path in out.iterdir()} == {"candidate.png", "match.json"}, (
         "nothing of the earlier match stays"
     )
@@ -163,7 +169,9 @@ def test_wrong_usage_and_unusable_files(said: Said, pair, save, tmp_path: Path) 
         (2, ("--pairs", tmp_path / "x.json"), "cannot be read"),
         (2, (a, b, "--across"), "--across needs a list"),
         (2, ("--unrelated", tmp_path / "x.json", "--hypotheses"), "without --hypotheses"),
-        (1, (a, tmp_path / "none.png", "--resolution", 0.05), "there is no map file"),
+        (1, (a, tmp_path / "none.png", "--resolution", 0.05), "there is no file"),
+        (1, (a, tmp_path, "--resolution", 0.05), "is a folder: name a map file in it"),
+        (2, ("--pairs", tmp_path / "x.json", "--unknown-gray", -1), "--unknown-gray must lie in 0 … 255"),
         (1, (a, wrong, "--resolution", 0.05), "in colour"),
     ):
         found, out, err = said(*arguments)
@@ -188,6 +196,7 @@ def test_a_list_is_judged(said: Said, pair, stranger: Path, tmp_path: Path) -> N
     assert code == 0
     for word in (
         "turned",
+        "a__stranger",
         "provisional, right",
         "1 / 1 / 0",
         "100.0 % (2.5–100.0) 1/1",
@@ -203,3 +212,51 @@ def test_a_list_is_judged(said: Said, pair, stranger: Path, tmp_path: Path) -> N
     assert document["pairs"][0]["best"]["right"] is True
     merged = document["summary"]["acceptance"]["wrong_across"]
     assert (merged["count"], merged["of"]) == (0, 2)
+
+
+@pytest.fixture
+def narrow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A terminal of 80 columns."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "80")
+
+
+def lines_of(text: str) -> list[str]:
+    return [re.sub(r"\x1b\[[\d;]*m", "", line) for line in text.splitlines()]
+
+
+@pytest.mark.usefixtures("narrow")
+def test_a_pair_fits_a_narrow_terminal(said: Said, pair, monkeypatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    a, b, _ = pair
+    code, text, _ = said(a.name, b.name, "--resolution", 0.05)
+    lines = lines_of(text)
+    assert code == 0
+    assert max(map(len, lines[2:])) <= 80
+    assert any(re.match(r"  limits +\S", line) for line in lines)
+    assert any(re.match(r"  metrics +similarity [\d.]+.*, overlap \d+ m²", line) for line in lines)
+    assert not any("evidence" in line for line in lines)
+
+
+@pytest.mark.usefixtures("narrow")
+def test_a_list_fits_a_narrow_terminal(said: Said, pair, tmp_path: Path) -> None:
+    name = "a_pair_whose_name_is_much_too_long_for_any_table_in_a_terminal"
+    entry = {"a": "a.png", "b": "b.png", "T_px_b2a": pair[2][:2].ravel().tolist()}
+    (tmp_path / "pairs.json").write_text(json.dumps([{**entry, "id": f"{name}_{number}"} for number in (1, 2)]))
+    code, text, _ = said("--pairs", tmp_path / "pairs.json", "--resolution", 0.05)
+    lines = lines_of(text)
+    assert code == 0
+    head, *rows = (line.split() for line in lines[:3])
+    assert {"pair", "best", "score", "verdict"} <= set(head) and "s" not in head
+    for number, (line, row) in enumerate(zip(lines[1:3], rows, strict=True), start=1):
+        assert re.fullmatch(rf"a_pair\w+…\w+_{number}", row[0]) and len(row[0]) >= 24
+        assert "provisional, right" in line and len(line.rstrip()) <= 80
+
+
+def test_names_are_shortened_in_their_middle() -> None:
+    assert [shortened("abcdefgh", width) for width in (9, 8, 7, 4)] == ["abcdefgh", "abcdefgh", "abc…fgh", "ab…h"]
+
+
+def test_numbers_are_as_short_as_they_may_be() -> None:
+    values = (11253.4, -8042.9, 0.97581, 0.99997737, 1.0, 0.0, float("nan"), float("inf"))
+    assert list(map(shown, values)) == ["11253", "-8043", "0.976", "1 - 2.3e-05", "1", "0", "–", "–"]

@@ -64,9 +64,14 @@ def test_across_are_maps_that_nothing_connects(tmp_path: Path) -> None:
     ("content", "said"),
     [
         ("{", "not JSON"),
-        ([{"a": "a.png"}], "b"),
+        ([{"a": "a.png"}], r"entry 1 \(a.png\), b: "),
+        (
+            [{"a": "a.png", "b": "b.png", "T_px_b2a": SAME}, {"id": "odd", "a": 1, "b": "b.png"}],
+            r"entry 2 \(odd\), a: ",
+        ),
+        ([{"a": "a.png", "b": "b.png", "T_px_b2a": SAME}, 7], "entry 2: "),
         ([{"a": "a.png", "b": "b.png"}], "--unrelated"),
-        ([{"a": "a.png", "b": "b.png", "T_px_b2a": [1, 0, 0, 0, -1, 0]}], "rotation"),
+        ([{"a": "a.png", "b": "b.png", "T_px_b2a": [1, 0, 0, 0, -1, 0]}], r"entry 1 \(a.png, b.png\): .*rotation"),
         ([{"a": "a.png", "b": "b.png", "T_px_b2a": [1, 0.2, 0, 0.2, 1, 0]}], "rotation"),
         ([{"a": "a.png", "b": "b.png", "keypoints_a": [[0, 0], [1, 1]]}], "keypoints_b"),
         ([{"a": "a.png", "b": "b.png", "T_px_b2a": SAME, "unrelated": True}], "unrelated"),

@@ -141,10 +141,10 @@ def test_maps_that_cannot_be_matched_are_said(bench: Bench, save: Save, image: I
 
 def test_files_that_are_no_maps_are_said(bench: Bench, save: Save, floor, tmp_path: Path) -> None:
     shelf, _ = bench
-    with pytest.raises(MapError, match="there is no map file"):
+    with pytest.raises(MapError, match="there is no file"):
         shelf.read(tmp_path / "none.png", {})
     (tmp_path / "folder.png").mkdir()
-    with pytest.raises(MapError, match="it is a folder"):
+    with pytest.raises(MapError, match="is a folder: name a map file"):
         shelf.read(tmp_path / "folder.png", {})
     (tmp_path / "log.txt").write_text("FLASER")
     with pytest.raises(MapError, match="mapgraft run"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,12 +11,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from mapgraft.config import Config
 from mapgraft.console import cell, print_json, remarks, results
-from mapgraft.errors import OutputError, UsageError
+from mapgraft.errors import UsageError
 from mapgraft.evaluation.bench import Settings
 from mapgraft.evaluation.document import document
 from mapgraft.evaluation.evaluating import Evaluation, evaluate
 from mapgraft.evaluation.tables import Column, print_tables
 from mapgraft.job import as_config, provenance_of
+from mapgraft.outputs.staging import writing
 from mapgraft.plugins import Plugins, load_plugins
 
 STDOUT = "-"
@@ -34,8 +36,8 @@ def evaluate_and_show(
     """Evaluate, print the tables or JSON, and write JSON to a file if one is named."""
     if not files:
         raise UsageError("name recordings whose poses can be trusted: mapgraft evaluate FILE…")
-    if json_out is not None and json_out != STDOUT and not Path(json_out).absolute().parent.is_dir():
-        raise UsageError(f"the folder of {json_out} does not exist: make it, or write elsewhere")
+    if json_out is not None and json_out != STDOUT:
+        _require_writable(Path(json_out))
     plugins, checked = load_plugins(without), as_config(config)
     for broken in plugins.broken:
         remarks().print(cell(f"the plugin {broken.origin.plugin} could not be loaded: {broken.reason}"), style="yellow")
@@ -49,6 +51,8 @@ def evaluate_and_show(
         _write(Path(json_out), json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
     for sentence in evaluation.remarks:
         remarks().print(cell(sentence), style="yellow")
+    if all(summary.rejected == summary.pairs for summary in evaluation.summaries.values()):
+        return  # there is nothing to count, and a remark says why
     print_tables(
         results(),
         [
@@ -84,8 +88,16 @@ def _with_progress(
         )
 
 
+def _require_writable(path: Path) -> None:
+    """Raises UsageError where a file cannot be, before anything is computed for it."""
+    if path.is_dir():
+        raise UsageError(f"--json {path}: that is a folder; name a file")
+    if not path.absolute().parent.is_dir():
+        raise UsageError(f"--json {path}: its folder does not exist; make it, or write elsewhere")
+    if not os.access(path if path.exists() else path.absolute().parent, os.W_OK):
+        raise UsageError(f"--json {path}: this user may not write there; write elsewhere")
+
+
 def _write(path: Path, text: str) -> None:
-    try:
+    with writing(path):
         path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"{path} cannot be written: {error}") from None

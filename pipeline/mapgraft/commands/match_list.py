@@ -14,6 +14,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from mapgraft.commands.match import Asked, options_for, pairer_of, print_remarks
+from mapgraft.commands.match_text import shown
 from mapgraft.console import cell, print_json, remarks, results
 from mapgraft.errors import UsageError
 from mapgraft.evaluation.document import finite
@@ -26,6 +27,11 @@ from mapgraft.matching.judging import Judged, LeftOut, judge, summed_up
 from mapgraft.matching.pair_list import MapFile, read_lists
 from mapgraft.matching.ready_map import RESOLUTION, ReadyMap, Shelf
 from mapgraft.plugins import load_plugins
+
+PAIR = "pair"
+LEAST_TELLING = ("s", "turned", "overlap", "margin", "error")  # left out first where the console is narrow
+NAME_WIDTH = 24  # of a pair, at least: before names are shortened further, columns are left out
+GAP = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +89,8 @@ def _options(shelf: Shelf, file: MapFile, side: int, asked: Asked) -> dict[str, 
 
 
 def _print(console: Console, judged: Sequence[Judged], left: Sequence[LeftOut], summary: Summary, times: Times) -> None:
-    _print_pairs(console, [j for j in judged if j.pair.kind != "unrelated"])
+    if judged:
+        _print_pairs(console, judged)
     for one in judged:
         if one.pair.kind == "unrelated" and one.pairing.accepted:
             console.print(cell(f"FALSE MERGE  {one.pair.id}: {one.pairing.reason}"), style="red", soft_wrap=True)
@@ -98,30 +105,46 @@ def _print(console: Console, judged: Sequence[Judged], left: Sequence[LeftOut], 
 
 
 def _print_pairs(console: Console, judged: Sequence[Judged]) -> None:
-    if not judged:
-        return
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for column in ("pair", "overlap", "best", "error", "turned", "score", "margin", "verdict", "s"):
-        table.add_column(column, justify="left" if column in ("pair", "best", "verdict") else "right")
-    for one in judged:
-        table.add_row(*map(cell, _row(one)), style="red" if one.scored.merged_wrong else "")
+    """One row for each pair, as far as the console is wide: names are shortened, what tells least is left out."""
+    rows = [_row(one) for one in judged]
+    widths = {name: max(len(name), *(len(row[name]) for row in rows)) for name in rows[0]}
+    left = console.width - sum(width + GAP for width in widths.values())
+    for name in LEAST_TELLING:
+        if left >= min(0, NAME_WIDTH - widths[PAIR]):
+            break
+        left += widths.pop(name) + GAP
+    widths[PAIR] = max(min(NAME_WIDTH, widths[PAIR]), widths[PAIR] + min(0, left))
+    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, GAP, 0, 0))
+    for name in widths:
+        table.add_column(name, justify="left" if name in (PAIR, "best", "verdict") else "right", no_wrap=True)
+    for one, row in zip(judged, rows, strict=True):
+        said = {**row, PAIR: shortened(row[PAIR], widths[PAIR])}
+        table.add_row(*(cell(said[name]) for name in widths), style="red" if one.scored.merged_wrong else "")
     console.print(table)
 
 
-def _row(one: Judged) -> list[str]:
-    """A pair with truth in words."""
+def shortened(name: str, width: int) -> str:
+    """The name with an ellipsis in its middle where it is longer than so many characters."""
+    if len(name) <= width:
+        return name
+    tail = (width - 1) // 2
+    return f"{name[: width - 1 - tail]}…{name[len(name) - tail :]}"
+
+
+def _row(one: Judged) -> dict[str, str]:
+    """A pair in words. Of unrelated ones nothing is right, so of these only what was found and decided."""
     scored, best, accepted = one.scored, one.scored.best, one.scored.accepted
-    numbers = scored.numbers
-    return [
-        one.pair.id,
-        "" if scored.overlap is None else f"{scored.overlap:.2f}",
-        _word(best),
-        "" if best is None else _off(best),
-        "" if best is None or best.error_deg is None else f"{best.error_deg:.1f}°",
-        *(f"{numbers[name]:.4g}" if name in numbers else "" for name in ("score", "margin")),
-        scored.verdict if accepted is None else f"{scored.verdict}, {_word(accepted)}",
-        "" if scored.match_s is None else f"{scored.match_s:.2f}",
-    ]
+    unrelated, numbers = one.pair.kind == "unrelated", scored.numbers
+    return {
+        PAIR: one.pair.id,
+        "overlap": "" if scored.overlap is None else f"{scored.overlap:.2f}",
+        "best": "unrelated" if unrelated else _word(best),
+        "error": "" if best is None else _off(best),
+        "turned": "" if best is None or best.error_deg is None else f"{best.error_deg:.1f}°",
+        **{name: shown(numbers[name]) if name in numbers else "" for name in ("score", "margin")},
+        "verdict": scored.verdict if accepted is None else f"{scored.verdict}, {_word(accepted)}",
+        "s": "" if scored.match_s is None else f"{scored.match_s:.2f}",
+    }
 
 
 def _word(placed: Placed | None) -> str:

@@ -98,7 +98,7 @@ class Bench:
         self._workshop = Workshop(self.plugins)
         kinds = {observation.kind for course in self.courses for observation in course.observations[:1]}
         self.map_type = settings.map_type or config.map.type or preferred_type(kinds, self.plugins)
-        self.new_types()
+        self._require_type()
         table = build_table(self.plugins, settings.rules or config.rules)
         table = substituted(table, self.plugins, matcher=settings.matcher, verifier=settings.verifier)
         self._workshop.prepare(table)
@@ -118,6 +118,13 @@ class Bench:
         other = given if other_m is None else given | {"resolution_m": other_m}
         make = self._workshop.new_map_type
         return make(self.map_type, own), make(self.map_type, other)
+
+    def _require_type(self) -> None:
+        """Raises UsageError when what was asked for is not installed, and what its parameters raise."""
+        known = [offered.descriptor.name for offered in self.plugins.of_kind("map type")]
+        if self.settings.map_type is not None and self.map_type not in known:
+            raise UsageError(f"there is no map type {self.map_type!r}: installed are {', '.join(known) or 'none'}")
+        self.new_types()
 
     def judge(self, number: int) -> Judged:
         """Build one pair and put it through every contender."""

@@ -121,7 +121,8 @@ def draw_pairs(courses: Sequence[Course], drawing: Drawing) -> list[PairPlan]:
         longest = max(map(len, courses), default=0)
         raise UsageError(
             f"no recording holds two windows: {2 * drawing.span + APART_SCANS} scans in a row would do for windows of "
-            f"{drawing.scans} scans and {drawing.further} further ones, the longest has {longest}: take shorter windows"
+            f"{drawing.scans} scans and {drawing.further} further ones, the longest has {longest}: "
+            "take shorter windows with --scans and --further"
         )
     drawn = {
         "within": _drawn(within, drawing.pairs - count, drawing, "within"),

@@ -175,8 +175,19 @@ def _read(path: Path) -> _Document:
     try:
         return _Document.model_validate(content)
     except ValidationError as error:
-        faults = [f"  {path_of(fault['loc'])}: {text_of(fault)}" for fault in error.errors()]
+        faults = [f"  {_place_of(fault['loc'], content)}: {text_of(fault)}" for fault in error.errors()]
         raise UsageError(f"the list {path} has {len(faults)} fault(s):\n" + "\n".join(faults)) from None
+
+
+def _place_of(place: tuple[int | str, ...], content: Mapping[str, Any]) -> str:
+    """Where a fault is; entries are counted from 1 and told by their id or files."""
+    if len(place) < 2 or place[0] != "pairs" or not isinstance(place[1], int):
+        return path_of(place)
+    entry = content["pairs"][place[1]]
+    told = entry if isinstance(entry, Mapping) else {}
+    names = told.get("id") or ", ".join(str(told[side]) for side in ("a", "b") if side in told)
+    where = f"entry {place[1] + 1}" + (f" ({names})" if names else "")
+    return f"{where}, {path_of(place[2:])}" if place[2:] else where
 
 
 def _kind_of(entry: ListedPair, where: str) -> Literal["transform", "keypoints", "unrelated"]:

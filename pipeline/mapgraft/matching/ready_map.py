@@ -91,7 +91,9 @@ class Shelf:
 
     def _format_of(self, path: Path) -> str:
         if not path.is_file():
-            raise MapError(f"there is no map file {path}" + (": it is a folder" if path.is_dir() else ""))
+            raise MapError(
+                f"{path} is a folder: name a map file in it" if path.is_dir() else f"there is no file {path}"
+            )
         form = self._library.format_of(path)
         if form is None:
             offered = [offered.descriptor for offered in self.plugins.of_kind("format")]
