@@ -111,8 +111,8 @@ class Sequential:
         prior = first.measurements.get(self.prior)
         if prior is None and self.prior_max > 0.0:
             raise PluginError(
-                f"the metric {self.prior} was not measured at the merge: a rule must name it under verify, as a metric or "
-                "in the log, or set prior_max: 0"
+                f"the metric {self.prior} was not measured at the merge: a rule must name it under verify, as a metric "
+                "or in the log, or set prior_max: 0"
             )
         if prior is None or not prior.sufficient:
             return 0.0
