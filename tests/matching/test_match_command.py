@@ -214,6 +214,16 @@ def test_a_list_is_judged(said: Said, pair, stranger: Path, tmp_path: Path) -> N
     assert (merged["count"], merged["of"]) == (0, 2)
 
 
+def test_of_a_list_that_is_turned_away_only_that_is_said(said: Said, pair, tmp_path: Path) -> None:
+    entry = {"a": "a.png", "b": "b.png", "unrelated": True}
+    (tmp_path / "pairs.json").write_text(json.dumps([entry]))
+    sizes = ("--resolution", 1.0, "--other-resolution", 0.05)
+    code, text, _ = said("--pairs", tmp_path / "pairs.json", *sizes)
+    assert code == 0
+    assert "turned away  1 of 1 pairs by the decision table; 1 of them: " in text
+    assert "merged at once" not in text
+
+
 @pytest.fixture
 def narrow(monkeypatch: pytest.MonkeyPatch) -> None:
     """A terminal of 80 columns."""

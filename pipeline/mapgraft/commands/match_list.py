@@ -94,9 +94,15 @@ def _print(console: Console, judged: Sequence[Judged], left: Sequence[LeftOut], 
     for one in judged:
         if one.pair.kind == "unrelated" and one.pairing.accepted:
             console.print(cell(f"FALSE MERGE  {one.pair.id}: {one.pairing.reason}"), style="red", soft_wrap=True)
+    away = Counter(one.pairing.reason for one in judged if one.pairing.verdict == "rejected")
+    for reason, count in away.most_common(1):
+        said = f"turned away  {away.total()} of {len(judged)} pairs by the decision table; {count} of them: {reason}"
+        console.print(cell(said), style="yellow", soft_wrap=True)
     for reason in dict.fromkeys(pair.reason for pair in left):
         ids = [pair.id for pair in left if pair.reason == reason]
         console.print(cell(f"left out     {', '.join(ids)}: {reason}"), style="yellow", soft_wrap=True)
+    if judged and away.total() == len(judged):
+        return  # there is nothing to count
     used = Counter(
         one.pairing.ruling.rule.match.use for one in judged if one.pairing.ruling.rule and one.pairing.ruling.rule.match
     )

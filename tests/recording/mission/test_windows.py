@@ -27,6 +27,14 @@ def test_windows_cut_every_scan_once_and_keep_its_place(record, mission):
             assert np.allclose(there.matrix, getattr(whole[one.recorded_ns], known).matrix, atol=1e-9)
 
 
+def test_only_what_lies_in_a_window_is_counted(record, mission):
+    """Files are read a little beyond a window, for poses around it."""
+    found = mission(record().drive(10).write(), CUT)
+    assert len(list(found.observations())) == 50
+    assert {name: found.tally.of_robot(name) for name in CUT} == {"a": (15, 15), "b": (20, 20), "c": (15, 15)}
+    assert sum(topic.read for topic in found.tally) > 50
+
+
 def test_each_map_frame_begins_at_the_first_pose_and_all_begin_together(record, mission):
     found = mission(record().drive(10).write(), CUT)
     first = {one.robot: one for one in reversed(list(found.observations()))}

@@ -42,6 +42,11 @@ class TopicTally:
             known.count += 1
 
     @property
+    def wanted(self) -> int:
+        """How many were to become observations: files are read a little beyond the limits and a robot's window."""
+        return self.used + self.lost
+
+    @property
     def lost(self) -> int:
         """How many were dropped, whatever the cause."""
         return sum(dropped.count for dropped in self.dropped.values())
@@ -51,7 +56,7 @@ class TopicTally:
         noun = "maps" if self.kind == "grid_message" else f"{self.kind}s"
         for cause, dropped in self.dropped.items():
             yield (
-                f"{self.robot}: {dropped.count} of {self.read} {noun} on {self.topic} were left out ({cause}); the "
+                f"{self.robot}: {dropped.count} of {self.wanted} {noun} on {self.topic} were left out ({cause}); the "
                 f"first, at {dropped.first_ns / 1e9:.3f} s: {dropped.why}"
             )
         if self.sweeps_ignored:
@@ -75,9 +80,9 @@ class Tally:
         return iter(self.topics.values())
 
     def of_robot(self, robot: str) -> tuple[int, int]:
-        """How many payloads of a robot were read, and how many became observations."""
+        """How many payloads of a robot were wanted, and how many became observations."""
         topics = [topic for topic in self if topic.robot == robot]
-        return sum(topic.read for topic in topics), sum(topic.used for topic in topics)
+        return sum(topic.wanted for topic in topics), sum(topic.used for topic in topics)
 
     def sentences(self) -> list[str]:
         """What a person should know: one sentence per robot, topic and cause."""
