@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from mapgraft.contracts import Comparison, EmptyMapError, Measurement, Step, Transform
+from mapgraft.contracts import Comparison, EmptyMapError, Measurement, Transform
 from mapgraft_grid.bayes import Meeting, meet
+from mapgraft_grid.evidence.anew import Anew
 from mapgraft_grid.overlap import pair_of
 from mapgraft_grid.prepared import canonical_m, prepare
 
@@ -18,29 +19,23 @@ class BayesFactor:
     ``disagreement``, ``occupied_agreement`` (cells), ``per_metre``, L per metre of walls that both have.
     """
 
-    def track(self, comparison: Comparison) -> BayesFactorTracker:
-        return BayesFactorTracker(comparison)
+    def track(self, comparison: Comparison) -> Anew:
+        return Anew(comparison, _measured)
 
 
-class BayesFactorTracker:
-    __slots__ = ("_comparison",)
-
-    def __init__(self, comparison: Comparison) -> None:
-        self._comparison = comparison
-
-    def update(self, step: Step) -> Measurement:
-        found = meeting_of(self._comparison, "bayes_factor")
-        if found is None:
-            return Measurement("bayes_factor", math.nan, "nat", 0, "higher", {})
-        meeting, unit_m = found
-        common_m = meeting.near_agreement * unit_m
-        details = {
-            "agreement": float(meeting.agreement),
-            "disagreement": float(meeting.disagreement),
-            "occupied_agreement": float(meeting.occupied_agreement),
-            "per_metre": meeting.log_bayes_factor / common_m if common_m > 0.0 else math.nan,
-        }
-        return Measurement("bayes_factor", meeting.log_bayes_factor, "nat", meeting.overlap, "higher", details)
+def _measured(comparison: Comparison) -> Measurement:
+    found = meeting_of(comparison, "bayes_factor")
+    if found is None:
+        return Measurement("bayes_factor", math.nan, "nat", 0, "higher", {})
+    meeting, unit_m = found
+    common_m = meeting.near_agreement * unit_m
+    details = {
+        "agreement": float(meeting.agreement),
+        "disagreement": float(meeting.disagreement),
+        "occupied_agreement": float(meeting.occupied_agreement),
+        "per_metre": meeting.log_bayes_factor / common_m if common_m > 0.0 else math.nan,
+    }
+    return Measurement("bayes_factor", meeting.log_bayes_factor, "nat", meeting.overlap, "higher", details)
 
 
 def meeting_of(comparison: Comparison, metric: str) -> tuple[Meeting, float] | None:

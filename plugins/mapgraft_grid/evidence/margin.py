@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from mapgraft.contracts import Comparison, Measurement, Step
+from mapgraft.contracts import Comparison, Measurement
+from mapgraft_grid.evidence.anew import Anew
 
 
 class Margin:
@@ -13,17 +14,11 @@ class Margin:
     The value is NaN where there was no other hypothesis. The support is 1 when there was one.
     """
 
-    def track(self, comparison: Comparison) -> _MarginTracker:
-        return _MarginTracker(comparison)
+    def track(self, comparison: Comparison) -> Anew:
+        return Anew(comparison, _margin)
 
 
-class _MarginTracker:
-    __slots__ = ("_comparison",)
-
-    def __init__(self, comparison: Comparison) -> None:
-        self._comparison = comparison
-
-    def update(self, step: Step) -> Measurement:
-        margin = self._comparison.match.margin
-        alone = math.isinf(margin)
-        return Measurement("margin", math.nan if alone else margin, "score", int(not alone), "higher")
+def _margin(comparison: Comparison) -> Measurement:
+    margin = comparison.match.margin
+    alone = math.isinf(margin)
+    return Measurement("margin", math.nan if alone else margin, "score", int(not alone), "higher")

@@ -10,7 +10,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
-from mapgraft.contracts import Comparison, ConfigError, Measurement, Step
+from mapgraft.contracts import Comparison, ConfigError, Measurement
+from mapgraft_grid.evidence.anew import Anew
 from mapgraft_grid.evidence.features import features_of
 from mapgraft_grid.evidence.joint import standing_of
 
@@ -42,27 +43,18 @@ class Posterior:
     def __init__(self, *, model: str | None = None) -> None:
         self.models = models(Path(model) if model else MODEL_FILE)
 
-    def track(self, comparison: Comparison) -> PosteriorTracker:
-        return PosteriorTracker(comparison, self.models)
+    def track(self, comparison: Comparison) -> Anew:
+        return Anew(comparison, self._measured)
 
-
-class PosteriorTracker:
-    __slots__ = ("_comparison", "_models")
-
-    def __init__(self, comparison: Comparison, models: tuple[Model, ...]) -> None:
-        self._comparison = comparison
-        self._models = models
-
-    def update(self, step: Step) -> Measurement:
-        features = features_of(self._comparison)
-        support = int(standing_of(self._comparison, "posterior").table.sum())
-        usable = [model for model in self._models if model.coefficients.keys() <= features.keys()]
+    def _measured(self, comparison: Comparison) -> Measurement:
+        features = features_of(comparison)
+        support = int(standing_of(comparison, "posterior").table.sum())
+        usable = [model for model in self.models if model.coefficients.keys() <= features.keys()]
         if not usable:
             return Measurement("posterior", math.nan, "1", support, "higher")
         log_odds = max(usable, key=lambda model: len(model.coefficients)).log_odds(features)
-        return Measurement(
-            "posterior", probability(log_odds), "1", support, "higher", {"log_odds": log_odds, **features}
-        )
+        details = {"log_odds": log_odds, **features}
+        return Measurement("posterior", probability(log_odds), "1", support, "higher", details)
 
 
 def probability(log_odds: float) -> float:

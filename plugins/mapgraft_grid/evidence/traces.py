@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterator
 from typing import Final, NamedTuple
 
-from mapgraft.contracts import Comparison, MapError, Measurement, Step
+from mapgraft.contracts import Comparison, MapError, Measurement
+from mapgraft_grid.evidence.anew import Anew
 from mapgraft_grid.evidence.joint import TOLERANCE_M, Distances, Joint, joint_of
 from mapgraft_grid.grid_map import Classes
 from mapgraft_grid.kernels import standing
@@ -42,8 +43,8 @@ class Rays:
     are none: rays that were not sent are no agreement. Details: ``stood``, ``free_end`` and ``through`` (beams).
     """
 
-    def track(self, comparison: Comparison) -> _RaysTracker:
-        return _RaysTracker(comparison)
+    def track(self, comparison: Comparison) -> Anew:
+        return Anew(comparison, _rays)
 
 
 class Paths:
@@ -53,32 +54,20 @@ class Paths:
     on the paths.
     """
 
-    def track(self, comparison: Comparison) -> _PathsTracker:
-        return _PathsTracker(comparison)
+    def track(self, comparison: Comparison) -> Anew:
+        return Anew(comparison, _paths)
 
 
-class _RaysTracker:
-    __slots__ = ("_comparison",)
-
-    def __init__(self, comparison: Comparison) -> None:
-        self._comparison = comparison
-
-    def update(self, step: Step) -> Measurement:
-        found = beams_of(self._comparison, "rays")
-        value = (found.free_end + found.through) / found.support if found.support else math.nan
-        details = {name: float(count) for name, count in found._asdict().items()}
-        return Measurement("rays", value, "1", found.support, "lower", details)
+def _rays(comparison: Comparison) -> Measurement:
+    found = beams_of(comparison, "rays")
+    value = (found.free_end + found.through) / found.support if found.support else math.nan
+    details = {name: float(count) for name, count in found._asdict().items()}
+    return Measurement("rays", value, "1", found.support, "lower", details)
 
 
-class _PathsTracker:
-    __slots__ = ("_comparison",)
-
-    def __init__(self, comparison: Comparison) -> None:
-        self._comparison = comparison
-
-    def update(self, step: Step) -> Measurement:
-        found = steps_of(self._comparison, "paths")
-        return Measurement("paths", float(found.walls) if found.known else math.nan, "cells", found.known, "lower")
+def _paths(comparison: Comparison) -> Measurement:
+    found = steps_of(comparison, "paths")
+    return Measurement("paths", float(found.walls) if found.known else math.nan, "cells", found.known, "lower")
 
 
 def beams_of(comparison: Comparison, metric: str) -> Beams:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from mapgraft.contracts import Comparison, Measurement, Step
+from mapgraft.contracts import Comparison, Measurement
+from mapgraft_grid.evidence.anew import Anew
 from mapgraft_grid.evidence.joint import BLOCK_M, Standing, standing_of
 from mapgraft_grid.similarity import kappa
 
@@ -17,8 +18,8 @@ class Contradiction:
     ``good_patches`` and ``bad_patches``, how many patches of 2 m speak for and against.
     """
 
-    def track(self, comparison: Comparison) -> _ContradictionTracker:
-        return _ContradictionTracker(comparison)
+    def track(self, comparison: Comparison) -> Anew:
+        return Anew(comparison, _contradiction)
 
 
 class Recall:
@@ -29,8 +30,8 @@ class Recall:
     ``donor_m``, that of all walls there.
     """
 
-    def track(self, comparison: Comparison) -> _RecallTracker:
-        return _RecallTracker(comparison)
+    def track(self, comparison: Comparison) -> Anew:
+        return Anew(comparison, _recall)
 
 
 class Kappa:
@@ -39,56 +40,38 @@ class Kappa:
     The value is NaN where one class is all there is. The support is the number of jointly known cells (about 0.1 m).
     """
 
-    def track(self, comparison: Comparison) -> _KappaTracker:
-        return _KappaTracker(comparison)
+    def track(self, comparison: Comparison) -> Anew:
+        return Anew(comparison, _kappa)
 
 
-class _KappaTracker:
-    __slots__ = ("_comparison",)
-
-    def __init__(self, comparison: Comparison) -> None:
-        self._comparison = comparison
-
-    def update(self, step: Step) -> Measurement:
-        table = standing_of(self._comparison, "kappa").table
-        return Measurement("kappa", kappa(table), "1", int(table.sum()), "higher")
+def _kappa(comparison: Comparison) -> Measurement:
+    table = standing_of(comparison, "kappa").table
+    return Measurement("kappa", kappa(table), "1", int(table.sum()), "higher")
 
 
-class _ContradictionTracker:
-    __slots__ = ("_comparison",)
-
-    def __init__(self, comparison: Comparison) -> None:
-        self._comparison = comparison
-
-    def update(self, step: Step) -> Measurement:
-        found = standing_of(self._comparison, "contradiction")
-        details = {
-            "own_m": found.against_m[0],
-            "donor_m": found.against_m[1],
-            "good_patches": float(found.good),
-            "bad_patches": float(found.bad),
-        }
-        value = _share(sum(found.against_m), sum(found.walls_m))
-        return Measurement("contradiction", value, "1", _blocks(found), "lower", details)
+def _contradiction(comparison: Comparison) -> Measurement:
+    found = standing_of(comparison, "contradiction")
+    details = {
+        "own_m": found.against_m[0],
+        "donor_m": found.against_m[1],
+        "good_patches": float(found.good),
+        "bad_patches": float(found.bad),
+    }
+    value = _share(sum(found.against_m), sum(found.walls_m))
+    return Measurement("contradiction", value, "1", _blocks(found), "lower", details)
 
 
-class _RecallTracker:
-    __slots__ = ("_comparison",)
-
-    def __init__(self, comparison: Comparison) -> None:
-        self._comparison = comparison
-
-    def update(self, step: Step) -> Measurement:
-        found = standing_of(self._comparison, "recall")
-        details = {
-            "own": _share(found.near_m[0], found.walls_m[0]),
-            "donor": _share(found.near_m[1], found.walls_m[1]),
-            "common_m": sum(found.near_m) / 2.0,
-            "own_m": found.walls_m[0],
-            "donor_m": found.walls_m[1],
-        }
-        value = _share(sum(found.near_m), sum(found.walls_m))
-        return Measurement("recall", value, "1", _blocks(found), "higher", details)
+def _recall(comparison: Comparison) -> Measurement:
+    found = standing_of(comparison, "recall")
+    details = {
+        "own": _share(found.near_m[0], found.walls_m[0]),
+        "donor": _share(found.near_m[1], found.walls_m[1]),
+        "common_m": sum(found.near_m) / 2.0,
+        "own_m": found.walls_m[0],
+        "donor_m": found.walls_m[1],
+    }
+    value = _share(sum(found.near_m), sum(found.walls_m))
+    return Measurement("recall", value, "1", _blocks(found), "higher", details)
 
 
 def _share(part_m: float, whole_m: float) -> float:
