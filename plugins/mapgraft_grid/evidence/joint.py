@@ -57,16 +57,11 @@ class Standing:
     """
 
     table: NDArray[np.int64]
-    unit_m: float
     walls_m: tuple[float, float]
     near_m: tuple[float, float]
     against_m: tuple[float, float]
     good: int
     bad: int
-
-    @property
-    def overlap_m2(self) -> float:
-        return float(self.table.sum()) * self.unit_m**2
 
 
 _KEPT: weakref.WeakKeyDictionary[GridMap, tuple[weakref.ref[GridMap], Joint]] = weakref.WeakKeyDictionary()
@@ -98,21 +93,37 @@ def _standing(joint: Joint) -> Standing:
         (float(blocks[0, what]) * block * joint.unit_m, float(blocks[1, what]) * block * joint.unit_m)
         for what in (standing.WALL, standing.NEAR, standing.AGAINST)
     )
-    return Standing(table, joint.unit_m, walls, near, against, int(patches[0]), int(patches[1]))
+    return Standing(table, walls, near, against, int(patches[0]), int(patches[1]))
 
 
 def _made(target: GridMap, donor: GridMap) -> Joint:
-    resolution_m = target.resolution_m
-    ratio = max(1, round(CANONICAL_M / resolution_m))
-    unit_m = ratio * resolution_m
+    ratio = canonical_ratio(target.resolution_m)
+    unit_m = ratio * target.resolution_m
     first, shape = _window(target, donor, ratio, math.ceil(_MARGIN_M / unit_m))
-    sides = []
-    for grid in (target, donor):
-        fine = grid.dense_over((first[0] * ratio, first[1] * ratio), (shape[0] * ratio, shape[1] * ratio)).classes
-        sides.append(coarsen(fine, float(ratio)) if ratio > 1 else fine)
-    distances = [_distances(side, unit_m) for side in sides]
+    own, donated = (coarse_classes(grid, ratio, first, shape) for grid in (target, donor))
+    distances = [_distances(side, unit_m) for side in (own, donated)]
     origin_m = target.lattice.corner_m(first[0] * ratio, first[1] * ratio)
-    return Joint(sides[0], sides[1], distances[0], distances[1], unit_m, origin_m)
+    return Joint(own, donated, distances[0], distances[1], unit_m, origin_m)
+
+
+def canonical_ratio(resolution_m: float) -> int:
+    """How many cells of a grid make one of about the canonical size, at least 1."""
+    return max(1, round(CANONICAL_M / resolution_m))
+
+
+def coarse_classes(grid: GridMap, ratio: int, first: tuple[int, int], shape: tuple[int, int]) -> Classes:
+    """A window of a grid on cells ``ratio`` times as large: element [0, 0] is coarse cell ``first`` (ix, iy)."""
+    fine = grid.dense_over((first[0] * ratio, first[1] * ratio), (shape[0] * ratio, shape[1] * ratio)).classes
+    return coarsen(fine, float(ratio)) if ratio > 1 else fine
+
+
+def cells_to_wall(classes: Classes) -> NDArray[np.float32] | None:
+    """How many cells the next occupied cell is away (h, w); None when there is none."""
+    import cv2
+
+    if not (classes == OCCUPIED).any():
+        return None
+    return np.asarray(cv2.distanceTransform((classes != OCCUPIED).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5))
 
 
 def _window(target: GridMap, donor: GridMap, ratio: int, margin: int) -> tuple[tuple[int, int], tuple[int, int]]:
@@ -126,9 +137,5 @@ def _window(target: GridMap, donor: GridMap, ratio: int, margin: int) -> tuple[t
 
 
 def _distances(classes: Classes, unit_m: float) -> Distances:
-    import cv2
-
-    if not (classes == OCCUPIED).any():
-        return np.full(classes.shape, _FAR_M, np.float32)
-    cells = cv2.distanceTransform((classes != OCCUPIED).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
-    return np.asarray(cells * unit_m, np.float32)
+    cells = cells_to_wall(classes)
+    return np.full(classes.shape, _FAR_M, np.float32) if cells is None else np.asarray(cells * unit_m, np.float32)

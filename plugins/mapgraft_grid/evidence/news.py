@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.contracts import SCAN, Comparison, MapError, Measurement, Step, Transform
-from mapgraft_grid.evidence.joint import CANONICAL_M, TOLERANCE_M
+from mapgraft_grid.evidence.joint import TOLERANCE_M, canonical_ratio, cells_to_wall, coarse_classes
 from mapgraft_grid.grid_map import FREE, OCCUPIED, UNKNOWN, Classes, GridMap
 from mapgraft_grid.kernels import fresh_evidence as kernel
-from mapgraft_grid.kernels.coarsen import coarsen
 from mapgraft_grid.map_type import OccupancyGrid
 from mapgraft_grid.observing import beams_of
 from mapgraft_grid.overlap import pair_of
@@ -134,7 +133,7 @@ class NewsTracker:
     def _enclose(self, donor: GridMap) -> NDArray[np.bool_] | None:
         """Make the window hold the donor and every vote so far; returns where the donor was known there before."""
         corner, cells, votes, places = self._corner, self._cells, self._votes, self._places
-        ratio = max(1, round(CANONICAL_M / self._lattice.resolution_m))
+        ratio = canonical_ratio(self._lattice.resolution_m)
         cells_in = (round(m / (ratio * self._lattice.resolution_m)) for m in (BLOCK_M, TOLERANCE_M))
         block, near = (max(least, count) for least, count in zip((LEAST_BLOCK, 1), cells_in, strict=True))
         x0, y0, x1, y1 = _box(donor, ratio, block * kernel.PATCH, near)
@@ -158,10 +157,8 @@ class NewsTracker:
 
     def _seen(self, map_: GridMap) -> Classes:
         """The classes of a map in the window."""
-        ratio, x, y = self._where[:3]
         height, width = self._cells.shape
-        fine = map_.dense_over((ratio * x, ratio * y), (ratio * height, ratio * width)).classes
-        return coarsen(fine, float(ratio)) if ratio > 1 else fine
+        return coarse_classes(map_, self._where[0], self._corner, (height, width))
 
 
 def _box(donor: GridMap, ratio: int, side: int, near: int) -> tuple[int, int, int, int]:
@@ -180,10 +177,8 @@ def _put(whole: NDArray[Any], part: NDArray[Any], row: int, column: int) -> None
 
 def _away(classes: Classes) -> NDArray[np.uint8]:
     """How many cells the next wall is away, at most 255."""
-    import cv2
-
-    if not (classes == OCCUPIED).any():
+    cells = cells_to_wall(classes)
+    if cells is None:
         return np.full(classes.shape, 255, np.uint8)
-    cells = cv2.distanceTransform((classes != OCCUPIED).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
     out: NDArray[np.uint8] = np.minimum(np.ceil(cells - 0.05), 255.0).astype(np.uint8)
     return out
