@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import matplotlib
 
@@ -29,6 +29,7 @@ from ruamel.yaml import YAML
 from scipy.ndimage import maximum_filter
 
 import mapgraft
+from mapgraft.comparison import Compared
 from mapgraft.contracts import EmptyMapError, Match, Points, Step, Transform
 from mapgraft.evaluation.building import Pair, build
 from mapgraft.evaluation.courses import Course
@@ -57,20 +58,6 @@ FIRST_MEETING_S = 30.0
 LEAST_SIMILARITY = 0.85  # lower ones are counted in the title
 FOLDER = Path(__file__).parent
 Colour = tuple[float, float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class Compared:
-    """A hypothesis as a metric sees it."""
-
-    map_type: OccupancyGrid
-    target: GridMap
-    target_layer: GridLayer
-    donor: GridMap
-    donor_layer: GridLayer
-    T_receiver_donor: Transform
-    match: Match
-    subject: Literal["own", "merged"] = "own"
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +96,7 @@ def found_pairs() -> Iterator[Found]:
             continue
         T = match.T_receiver_donor.snapped()
         placed = grids.place(donor.layer, T)
-        compared = Compared(grids, own.map, own.layer, grids.view(placed), placed, T, match)
+        compared = Compared(grids, "own", T, match, placed, lambda seen=(own.layer, own.map): seen)
         posterior = Posterior().track(compared).update(Step())
         if not posterior.sufficient:
             continue

@@ -10,12 +10,11 @@ the receiver is half way, and how the same transform measures when it is done.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from simulated_missions import in_frame, map_of, missions
 
+from mapgraft.comparison import Compared
 from mapgraft.contracts import Candidate, Match, Measurement, Step, Transform
 from mapgraft.decision import parse_rules
 from mapgraft_grid.carpin import Carpin
@@ -32,24 +31,10 @@ RESOLUTIONS_M = ((0.05, 0.05), (0.07, 0.07), (0.07, 0.1), (0.1, 0.07), (0.05, 0.
 RIGHT_M, RIGHT_RAD = 0.5, math.radians(5.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Compared:
-    """Own map against placed donor, as a metric sees them before a merge."""
-
-    map_type: OccupancyGrid
-    target: GridMap
-    target_layer: GridLayer
-    donor: GridMap
-    donor_layer: GridLayer
-    T_receiver_donor: Transform
-    match: Match
-    subject: Literal["own", "merged"] = "own"
-
-
 def candidate(grids: OccupancyGrid, layer: GridLayer, own: GridMap, donor: GridLayer, match: Match) -> Candidate:
     T = match.T_receiver_donor.snapped()
     placed = grids.place(donor, T)
-    compared = Compared(grids, own, layer, grids.view(placed), placed, T, match)
+    compared = Compared(grids, "own", T, match, placed, lambda: (layer, own))
     measured: list[Measurement] = [m.track(compared).update(Step()) for m in (Similarity(), Distance())]
     return Candidate(match, {m.name: m for m in measured})
 

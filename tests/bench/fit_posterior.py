@@ -14,14 +14,14 @@ import argparse
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import rankdata
 
-from mapgraft.contracts import EmptyMapError, Match, Transform
+from mapgraft.comparison import Compared
+from mapgraft.contracts import EmptyMapError, Transform
 from mapgraft.evaluation.building import Pair, build
 from mapgraft.evaluation.courses import Course
 from mapgraft.evaluation.drawing import Drawing, draw_pairs
@@ -41,20 +41,6 @@ RIDGE = 3.0
 PROVISIONAL = 0.9  # what is printed at: the default of the rules
 CELLS, MARGIN, TRACES = ("evidence", "kappa", "good", "patches"), ("margin",), ("beams", "steps")
 FEATURES = ((*CELLS, *MARGIN, *TRACES), (*CELLS, *TRACES), (*CELLS, *MARGIN), CELLS)
-
-
-@dataclass(frozen=True, slots=True)
-class Compared:
-    """A hypothesis as a metric sees it."""
-
-    map_type: OccupancyGrid
-    target: GridMap
-    target_layer: GridLayer
-    donor: GridMap
-    donor_layer: GridLayer
-    T_receiver_donor: Transform
-    match: Match
-    subject: Literal["own", "merged"] = "own"
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +85,7 @@ def example_of(group: int, pair: Pair, matcher: Correlation) -> Example | None:
         placed = grids.place(donor.layer, T)
     except (EmptyMapError, IndexError):
         return None
-    features = features_of(Compared(grids, own.map, own.layer, grids.view(placed), placed, T, match))
+    features = features_of(Compared(grids, "own", T, match, placed, lambda: (own.layer, own.map)))
     if not features:
         return None
     right = pair.truth is not None and pair.truth.error(match.T_receiver_donor).right
