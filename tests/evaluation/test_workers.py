@@ -38,15 +38,24 @@ def evaluating() -> Iterator[subprocess.Popen[str]]:
 
 def processor_s_of(session: int) -> dict[int, float]:
     """The processes of a session, with the processor time that each took."""
-    found: dict[int, float] = {}
+    return {pid: taken_s for pid, _, its_session, taken_s in running() if its_session == session}
+
+
+def sharing() -> set[int]:
+    """The processes that share the work of this one; tests that run beside this one have their own."""
+    mine = {pid for pid, parent, _, _ in running() if parent == os.getpid()}
+    return {pid for pid in mine if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()}
+
+
+def running() -> Iterator[tuple[int, int, int, float]]:
+    """Each process that has not ended: itself, its parent, its session, the processor time that it took."""
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
             fields = path.read_text().rsplit(")", 1)[1].split()
         except OSError:  # ended meanwhile
             continue
-        if int(fields[3]) == session and fields[0] != "Z":
-            found[int(path.parent.name)] = (int(fields[11]) + int(fields[12])) / TICKS
-    return found
+        if fields[0] not in "ZX":
+            yield int(path.parent.name), int(fields[1]), int(fields[3]), (int(fields[11]) + int(fields[12])) / TICKS
 
 
 def wait_until(session: int, enough: Callable[[dict[int, float]], bool]) -> None:
@@ -68,6 +77,10 @@ def busy(children: dict[int, float]) -> bool:
     return sum(taken_s > BUSY_S for taken_s in children.values()) == 2
 
 
+def gone(children: dict[int, float]) -> bool:
+    return not children
+
+
 @pytest.mark.parametrize(("enough", "send"), [(begun, os.kill), (busy, os.kill), (begun, os.killpg), (busy, os.killpg)])
 def test_an_interrupt_leaves_no_process_and_no_traceback(evaluating, enough, send):
     """Of the parent alone, and of all processes at once as Ctrl-C in a terminal does."""
@@ -75,14 +88,14 @@ def test_an_interrupt_leaves_no_process_and_no_traceback(evaluating, enough, sen
     send(evaluating.pid, signal.SIGINT)
     out, err = evaluating.communicate(timeout=60)  # returns when nobody holds the streams any more
     assert (evaluating.returncode, out, err) == (130, "", "mapgraft: interrupted; nothing was written\n")
-    assert processor_s_of(evaluating.pid) == {}
+    wait_until(evaluating.pid, gone)  # who closes its streams as it ends is still listed for a moment
 
 
 def test_when_the_parent_is_killed_the_others_end(evaluating):
     wait_until(evaluating.pid, busy)
     evaluating.kill()
     evaluating.communicate(timeout=60)
-    wait_until(evaluating.pid, lambda children: not children)
+    wait_until(evaluating.pid, gone)
 
 
 @pytest.fixture
@@ -93,16 +106,14 @@ def bench(courses, plugins) -> Bench:
 def test_leaving_early_ends_the_processes(bench):
     with workers(bench, 2) as results:
         assert next(results).number == 0
-        some = processor_s_of(os.getsid(0)).keys()
-    assert len(some - processor_s_of(os.getsid(0)).keys()) == 2
+        assert len(sharing()) == 2
+    assert not sharing()
 
 
 def test_a_process_that_dies_is_told(bench):
-    before = processor_s_of(os.getsid(0)).keys()
     with pytest.raises(PluginError, match="has ended by itself"), workers(bench, 2) as results:
-        for pid in processor_s_of(os.getsid(0)).keys() - before:
-            if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes():
-                os.kill(pid, signal.SIGKILL)
+        for pid in sharing():
+            os.kill(pid, signal.SIGKILL)
         list(results)
 
 
