@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -15,6 +14,7 @@ from mapgraft.contracts import Observation
 from mapgraft.errors import OutputError
 from mapgraft.events import Event, Snapshot
 from mapgraft.outputs.files import Tally, Trajectories, connected, json_bytes, map_files, transforms_csv
+from mapgraft.outputs.lock import lock
 from mapgraft.outputs.mcap_log import McapLog
 from mapgraft.outputs.names import file_names
 from mapgraft.outputs.parquet_log import WRITTEN, ParquetLog, PartWriter, other_parts
@@ -27,7 +27,6 @@ from mapgraft.stopwatch import Stopwatch
 from mapgraft_schemas import VERSION
 
 ROUTINE = ("offered", "verified")  # events that wait for the next decision to be brought to disk
-LOCK = ".mapgraft.lock"
 SUMMARY = "summary.json"
 WRITING = "writing"  # the stage of a run that is spent here
 _BATCH = 512  # poses and events that wait to be written together
@@ -58,7 +57,7 @@ class RunFolder:
         self._intact = self._open = True
         with writing(out):
             out.mkdir(parents=True, exist_ok=True)
-            self._lock = _locked(out)
+            self._lock = lock(out)
             try:
                 self._staging = Staging(out)
                 self._mcap_name = f"{stem}.merge.mcap"
@@ -249,20 +248,6 @@ class RunFolder:
     def _close(self) -> None:
         self._open = False
         os.close(self._lock)
-
-
-def _locked(out: Path) -> int:
-    """An open descriptor that holds the folder's lock; closing it, or dying, gives it back."""
-    descriptor = os.open(out / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(descriptor)
-        raise OutputError(f"{out} is being written by another run: wait for it or choose another folder") from None
-    except BaseException:
-        os.close(descriptor)
-        raise
-    return descriptor
 
 
 def _files_of(summary: Path) -> list[str]:
