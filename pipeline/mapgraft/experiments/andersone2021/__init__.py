@@ -5,7 +5,7 @@ merge in one map, in two maps, and in the ledger; similarity and distance are me
 """
 
 from mapgraft.experiments.andersone2021.outcome import Experiment, Kept, Merge, Search
-from mapgraft.experiments.andersone2021.protocol import conduct
+from mapgraft.experiments.andersone2021.protocol import Laboratory, conduct
 from mapgraft.experiments.andersone2021.settings import STRATEGIES, Combination, Settings
 
-__all__ = ["STRATEGIES", "Combination", "Experiment", "Kept", "Merge", "Search", "Settings", "conduct"]
+__all__ = ["STRATEGIES", "Combination", "Experiment", "Kept", "Laboratory", "Merge", "Search", "Settings", "conduct"]

@@ -11,7 +11,7 @@ from time import perf_counter
 from mapgraft.comparison import Compared
 from mapgraft.config import Config
 from mapgraft.contracts import Candidate, Donation, Match, Metric, Provenance, Step
-from mapgraft.decision import build_table
+from mapgraft.decision import DecisionTable, build_table
 from mapgraft.errors import MapError, RecordingError, UsageError
 from mapgraft.evaluation.building import DONOR, Pair, build
 from mapgraft.evaluation.courses import Course
@@ -29,20 +29,12 @@ from mapgraft.substitution import substituted
 Progress = Callable[[int, int], None]  # merges found so far, merges wanted
 
 
-def conduct(
-    courses: Sequence[Course],
-    config: Config,
-    settings: Settings,
-    plugins: Plugins,
-    progress: Progress = lambda found, wanted: None,
-) -> Experiment:
+def conduct(laboratory: Laboratory, progress: Progress = lambda found, wanted: None) -> Experiment:
     """The whole experiment on what some robots have observed, with poses that are taken as true.
 
-    Raises RecordingError where no merge was accepted at all, UsageError when the recordings are too short or the
-    matcher is not installed, DecisionTableError or PluginError when something that the paper's rules need is missing.
+    Raises RecordingError where no merge was accepted at all, UsageError when the recordings are too short.
     """
-    began_s = perf_counter()
-    laboratory = Laboratory.of(courses, config, settings, plugins)
+    began_s, settings = perf_counter(), laboratory.settings
     wanted = len(settings.combinations) * (settings.right + settings.wrong)
     merges: list[Merge] = []
     searches: list[Search] = []
@@ -55,17 +47,17 @@ def conduct(
     if not merges:
         drawn = sum(search.drawn for search in searches)
         raise RecordingError(
-            f"of {drawn} pairs of partial maps none was merged by {laboratory.tools.procedure.match.use}: "
+            f"of {drawn} pairs of partial maps none was merged by {laboratory.matcher}: "
             "name a recording in which the robot comes by the same places again"
         )
     return Experiment(
         settings,
-        laboratory.tools.procedure.match.use,
+        laboratory.matcher,
         laboratory.similarity_min,
         merges,
         searches,
         laboratory.watcher.better,
-        [*_doubts(courses), *(remark for search in searches for remark in _short(search, settings))],
+        [*_doubts(laboratory.courses), *(remark for search in searches for remark in _short(search, settings))],
         perf_counter() - began_s,
     )
 
@@ -102,11 +94,17 @@ class Laboratory:
     config: Config
     settings: Settings
     workshop: Workshop
+    table: DecisionTable
     tools: Tools
     watcher: Watcher
 
     @classmethod
     def of(cls, courses: Sequence[Course], config: Config, settings: Settings, plugins: Plugins) -> Laboratory:
+        """Everything made ready.
+
+        Raises UsageError when something that the paper's rules need is missing or no matcher has that name,
+        DecisionTableError, ConfigError or PluginError when the installed rules or the configuration are at fault.
+        """
         workshop = Workshop(plugins)
         paper, ours = paper_rules(plugins), build_table(plugins, config.rules)
         if (lacking := paper.records[0].lacking) is not None:
@@ -117,7 +115,11 @@ class Laboratory:
         for table in (paper, ours):
             workshop.prepare(table)
         tools = workshop.tools(paper.records[0].rule)
-        return cls(courses, config, settings, workshop, tools, Watcher(ours, workshop))
+        return cls(courses, config, settings, workshop, paper, tools, Watcher(ours, workshop))
+
+    @property
+    def matcher(self) -> str:
+        return self.tools.procedure.match.use
 
     @property
     def metrics(self) -> Mapping[str, Metric]:
