@@ -36,7 +36,8 @@ class Settings:
     """As many ``right`` and ``wrong`` merges are sought per combination of resolutions.
 
     Maps are of ``scans`` scans, after which the receiver maps ``further`` ones; pairs are drawn by ``seed``.
-    ``matcher`` takes the place of Carpin's.
+    ``matcher`` takes the place of Carpin's. After ``draws`` pairs the search for merges of a combination is given up, by
+    default after 50 for each that is wanted.
     """
 
     right: int = 20
@@ -45,16 +46,19 @@ class Settings:
     matcher: str | None = None
     scans: int = 30
     further: int = 10
+    draws: int | None = None
     combinations: Sequence[Combination] = PAPER
 
     def __post_init__(self) -> None:
         for name, least in (("right", 0), ("wrong", 0), ("seed", 0), ("scans", 1), ("further", 1)):
             if getattr(self, name) < least:
                 raise UsageError(f"{name} must be at least {least}, found {getattr(self, name)}")
+        if self.draws is not None and self.draws < 1:
+            raise UsageError(f"draws must be at least 1, found {self.draws}")
         if self.right + self.wrong == 0:
             raise UsageError("there is nothing to do: ask for right or wrong merges, with --right or --wrong")
 
     @property
     def most_draws(self) -> int:
         """So many pairs are tried per combination before the search for merges is given up."""
-        return DRAWS_PER_MERGE * (self.right + self.wrong)
+        return self.draws or DRAWS_PER_MERGE * (self.right + self.wrong)
