@@ -12,15 +12,17 @@ from typing import NamedTuple
 
 from mapgraft.contracts.sources import RawMessage
 from mapgraft.recording.containers.inflate import Content, inflate
+from mapgraft.recording.containers.limits import ReadLimits
 from mapgraft.recording.containers.selection import Wanted
 
 MAGIC = b"#ROSBAG V2.0\n"
-OP_MESSAGE, OP_BAG, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION = 2, 3, 5, 6, 7
+OP_MESSAGE, OP_BAG, OP_INDEX, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION = 2, 3, 4, 5, 6, 7
 
 Fields = Mapping[bytes, bytes]
 
 _uint32 = struct.Struct("<I").unpack_from
 _time = struct.Struct("<II").unpack
+_index_entry = struct.Struct("<III")  # seconds, nanoseconds, offset
 _log_ns = attrgetter("log_ns")
 
 
@@ -107,16 +109,43 @@ def connection(view: memoryview, record: BagRecord) -> Connection | None:
     return Connection(number_, name, type_name, more.get(b"message_definition", b""), more.get(b"latching") == b"1")
 
 
-def bag_content(view: memoryview, offset: int, end: int) -> Content:
-    """What the chunk record at ``view[offset:end]`` holds."""
-    record = next(bag_records(view, offset, end), None)
-    if record is None or record.op != OP_CHUNK:
+def bag_content(view: memoryview, offset: int, end: int, limits: ReadLimits) -> Content:
+    """What a place in the bag holds: a chunk's content, or bare records, as they lie in a chunk never finished."""
+    record = next(bag_records(view, offset, len(view)), None)
+    if record is None or record.op not in (OP_CHUNK, OP_MESSAGE):
         return Content(b"", "is not a chunk")
+    if record.op == OP_MESSAGE:
+        return Content(view[offset:end])
     size = number(record.fields, b"size")
     if size is None:
         return Content(b"", "has a broken head")
     compression = record.fields.get(b"compression", b"").decode(errors="replace")
-    return inflate(compression, view[record.begin : record.end], size)
+    if size == 0 and end > record.end:  # a recorder fills in the sizes when it finishes a chunk
+        content = inflate(compression, view[record.begin : end], limits.chunk_bytes, limit=limits.chunk_bytes, cut=True)
+        return content._replace(damage="was never finished")
+    cut = not record.whole
+    return inflate(compression, view[record.begin : end], size, limit=limits.chunk_bytes, cut=cut)
+
+
+IndexedTimes = Mapping[int, list[tuple[int, int]]]
+"""What the index records behind a chunk tell: per connection, the log time and the offset of each of its messages."""
+
+
+def indexed_times(view: memoryview, offset: int) -> IndexedTimes:
+    """The index records from ``offset`` on, one behind the other, as far as they can be read."""
+    entries: dict[int, list[tuple[int, int]]] = {}
+    for record in bag_records(view, offset, len(view)):
+        channel, count = number(record.fields, b"conn"), number(record.fields, b"count")
+        if (
+            record.op != OP_INDEX
+            or not record.whole
+            or channel is None
+            or record.end - record.begin != 12 * (count or 0)
+        ):
+            break
+        rows = _index_entry.iter_unpack(view[record.begin : record.end])
+        entries[channel] = [(sec * 10**9 + nanosec, at) for sec, nanosec, at in rows]
+    return entries
 
 
 class BagMessages(NamedTuple):
@@ -136,12 +165,43 @@ def bag_messages(data: bytes | memoryview, want: Wanted) -> BagMessages:
         if not record.whole:
             break
         reached = record.end
-        if record.op != OP_MESSAGE:
-            continue
-        connection_id, log_ns = number(record.fields, b"conn"), time_ns(record.fields, b"time")
-        channel = want.channels.get(connection_id) if connection_id is not None else None
-        strangers += connection_id not in want.declared
-        if channel is not None and log_ns is not None and want.start_ns <= log_ns <= want.end_ns:
-            found.append(RawMessage(channel, log_ns, view[record.begin : record.end]))
+        if record.op == OP_MESSAGE:
+            strangers += _take(record, view, want, found)
     found.sort(key=_log_ns)
     return BagMessages(found, reached != len(view), strangers)
+
+
+def bag_messages_at(data: bytes | memoryview, want: Wanted, times: IndexedTimes) -> list[RawMessage]:
+    """The same of a content whose records are broken: those messages that lie, whole, where the index says."""
+    view, found = memoryview(data), list[RawMessage]()
+    for record in _there(view, times):
+        _take(record, view, want, found)
+    found.sort(key=_log_ns)
+    return found
+
+
+def missing_counts(data: bytes | memoryview, times: IndexedTimes) -> dict[int, int]:
+    """How many messages of which connection the index tells of that are not in a chunk's content."""
+    missing = {channel: len(rows) for channel, rows in times.items()}
+    for record in _there(memoryview(data), times):
+        missing[number(record.fields, b"conn") or 0] -= 1
+    return missing
+
+
+def _there(view: memoryview, times: IndexedTimes) -> Iterator[BagRecord]:
+    """The whole messages that lie where the index says, by their offsets."""
+    for at, log_ns, channel in sorted((at, t, channel) for channel, rows in times.items() for t, at in rows):
+        record = next(bag_records(view, at, len(view)), None) if at < len(view) else None
+        if record is None or not record.whole or record.op != OP_MESSAGE:
+            continue
+        if number(record.fields, b"conn") == channel and time_ns(record.fields, b"time") == log_ns:
+            yield record
+
+
+def _take(record: BagRecord, view: memoryview, want: Wanted, found: list[RawMessage]) -> bool:
+    """Append a message if it is wanted; whether it is of no connection of the bag."""
+    connection_id, log_ns = number(record.fields, b"conn"), time_ns(record.fields, b"time")
+    channel = want.channels.get(connection_id) if connection_id is not None else None
+    if channel is not None and log_ns is not None and want.start_ns <= log_ns <= want.end_ns:
+        found.append(RawMessage(channel, log_ns, view[record.begin : record.end]))
+    return connection_id not in want.declared

@@ -26,6 +26,9 @@ READERS = 2
 READ_AHEAD = 4
 """How many threads decompress how many chunks ahead; they let the interpreter go on meanwhile."""
 
+MESSAGES_LOST = "messages_lost"
+"""The cause of faults whose count is one of messages."""
+
 _MESSAGE_BYTES = 300  # about what a message and its view cost in memory
 _log_ns = attrgetter("log_ns")
 
@@ -50,7 +53,7 @@ class Timed(Protocol):
 
 
 T = TypeVar("T", bound=Timed)
-Fetch = Callable[[Place], Content]  # runs in other threads: must not touch shared state
+Fetch = Callable[[Place, int | None], Content]  # at most so many bytes; runs in other threads: no shared state
 Parse = Callable[[Place, Content], list[T]]  # in log-time order; the same list each time
 
 
@@ -128,7 +131,9 @@ class _Reader(Generic[T]):
         future = self._ahead.pop(place.offset, None)
         if self._pool is not None:
             self._read_ahead(self._pool)
-        content = self._fetch(place) if future is None else future.result()
+        content = None if future is None else future.result()
+        if content is None or content.damage:  # also what is too large to be read before its turn
+            content = self._fetch(place, None)
         small = len(content.data) * READ_AHEAD <= RESIDENT_BYTES
         if content.costly and small and self._pool is None and len(self._waiting) > READ_AHEAD:
             self._pool = ThreadPoolExecutor(READERS, "mapgraft-read")
@@ -143,13 +148,13 @@ class _Reader(Generic[T]):
     def _read_ahead(self, pool: ThreadPoolExecutor) -> None:
         for place in islice(self._waiting, READ_AHEAD):
             if place.offset not in self._ahead:
-                self._ahead[place.offset] = pool.submit(self._fetch, place)
+                self._ahead[place.offset] = pool.submit(self._fetch, place, RESIDENT_BYTES // READ_AHEAD)
 
     def resume(self, offset: int) -> tuple[_Cursor[T], list[T]]:
         """A chunk opened before, with its messages, read again if they had to go."""
         cursor = self._open[offset]
         if cursor.messages is None:
-            cursor.messages = self._parse(cursor.place, self._fetch(cursor.place))
+            cursor.messages = self._parse(cursor.place, self._fetch(cursor.place, None))
         self._keep(cursor)
         return cursor, cursor.messages
 
@@ -179,11 +184,17 @@ class _Reader(Generic[T]):
 def note_damage(faults: ReadFaults, offset: int, content: Content) -> None:
     """Count a chunk that could not be read, or not wholly."""
     if content.damage and content.data:
-        faults.add(
-            "chunk_partial", f"the chunk at byte {offset} {content.damage}: only its beginning is read", place=offset
-        )
+        sentence = f"the chunk at byte {offset} {content.damage}: only its beginning is read"
+        faults.add("chunk_partial", sentence, place=offset)
     elif content.damage:
         faults.add("chunk_damaged", f"the chunk at byte {offset} {content.damage}: it is left out", place=offset)
+
+
+def note_lost(faults: ReadFaults, offset: int, topic: str, count: int) -> None:
+    """Count messages of a topic that are known to lie in the damaged part of a chunk."""
+    if count > 0:
+        sentence = f"messages are lost with the chunk at byte {offset}, which is damaged"
+        faults.add(MESSAGES_LOST, sentence, topic=topic, place=offset, count=count)
 
 
 def note_late(faults: ReadFaults, place: Place) -> None:

@@ -22,14 +22,23 @@ from mapgraft.contracts.sources import (
     SchemaText,
 )
 from mapgraft.errors import RecordingError
-from mapgraft.recording.containers.chunks import Place, T, in_log_order, note_damage, note_late, note_strangers
+from mapgraft.recording.containers.chunks import (
+    Place,
+    T,
+    in_log_order,
+    note_damage,
+    note_late,
+    note_lost,
+    note_strangers,
+)
 from mapgraft.recording.containers.inflate import Content
 from mapgraft.recording.containers.latching import is_latched
+from mapgraft.recording.containers.limits import DEFAULT_LIMITS, ReadLimits
 from mapgraft.recording.containers.mapping import map_file
 from mapgraft.recording.containers.mcap_index import McapIndex, read_index
-from mapgraft.recording.containers.mcap_messages import messages
+from mapgraft.recording.containers.mcap_messages import messages, spans
 from mapgraft.recording.containers.mcap_records import MAGIC, chunk_content
-from mapgraft.recording.containers.mcap_scans import chunk_scans, index_entries
+from mapgraft.recording.containers.mcap_scans import chunk_scans, index_entries, indexed_counts
 from mapgraft.recording.containers.scanning import decoded_scan
 from mapgraft.recording.containers.selection import Wanted, places_of, wanted
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, RosCodec, Undecodable, codec_for
@@ -45,18 +54,34 @@ class McapSource:
 
     container = "mcap"
 
-    def __init__(self, path: Path, *, typestore: str = DEFAULT_TYPESTORE) -> None:
+    def __init__(self, path: Path, *, typestore: str = DEFAULT_TYPESTORE, limits: ReadLimits = DEFAULT_LIMITS) -> None:
         self.path = path
         self.faults = ReadFaults()
         self._view = map_file(path)
-        if bytes(self._view[: len(MAGIC)]) != MAGIC:
-            raise RecordingError(f"{path} is not an MCAP file: it does not begin like one")
-        index = read_index(self._view, self.faults)
+        self._limits = limits
+        index = self._index()
         self.start_ns, self.end_ns = index.start_ns, index.end_ns
         self._places = index.places
         self._codecs: dict[int, Codec] = {}
         self._schemas: dict[int, SchemaText] = {}
         self.channels = tuple(self._channel(record, index, typestore) for _, record in sorted(index.channels.items()))
+        self._topics = {channel.id: channel.topic for channel in self.channels}
+        for place, content in index.damaged:
+            self._note_damage(place, content)
+
+    def _index(self) -> McapIndex:
+        """What the file holds; one that does not begin like an MCAP file must show in another way that it is one."""
+        begins = bytes(self._view[: len(MAGIC)]) == MAGIC
+        if not begins and len(self._view) <= len(MAGIC):
+            raise RecordingError(f"{self.path} is not an MCAP file: it does not begin like one")
+        index = read_index(self._view, self.faults, self._limits)
+        if not begins and not index.channels:
+            raise RecordingError(f"{self.path} is not an MCAP file: it does not begin like one")
+        if not begins:
+            self.faults.add(
+                "start_damaged", "the recording does not begin like an MCAP file: it is searched for chunks"
+            )
+        return index
 
     def _channel(self, record: ChannelRecord, index: McapIndex, typestore: str) -> Channel:
         schema = index.schemas.get(record.schema_id)
@@ -97,18 +122,30 @@ class McapSource:
         late = partial(note_late, self.faults)
         return in_log_order(places_of(self._places, want), self._fetch, partial(parse, want), late)
 
-    def _fetch(self, place: Place) -> Content:
+    def _fetch(self, place: Place, most_bytes: int | None) -> Content:
         if not self._view:
             raise RecordingError(f"{self.path} was closed while it was still being read")
-        return chunk_content(self._view, place.offset, place.end)
+        limits = self._limits
+        if most_bytes is not None and most_bytes < limits.chunk_bytes:
+            limits = replace(limits, chunk_bytes=most_bytes)
+        return chunk_content(self._view, place.offset, place.end, limits)
 
     def _parse(self, want: Wanted, place: Place, content: Content) -> list[RawMessage]:
         found, broken, strangers = messages(content.data, want)
         if broken and not content.damage:
             content = content._replace(damage="has a broken record")
-        note_damage(self.faults, place.offset, content)
+        if content.damage:
+            self._note_damage(place, content)
         note_strangers(self.faults, place.offset, strangers)
         return found
+
+    def _note_damage(self, place: Place, content: Content) -> None:
+        """Count a damaged chunk, and what is missing of it by topic where its message indexes tell."""
+        note_damage(self.faults, place.offset, content)
+        if place.channels and any(place.channels.values()):
+            read = spans(content.data, lambda _: None).counts
+            for channel, count in indexed_counts(self._view, place.channels).items():
+                note_lost(self.faults, place.offset, self._topics.get(channel, ""), count - read.get(channel, 0))
 
     def _parse_scans(self, want: Wanted, place: Place, content: Content) -> list[RecordedScan]:
         """The scans of a chunk: of each channel at once where its message index tells, else one by one."""

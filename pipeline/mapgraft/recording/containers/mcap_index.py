@@ -1,178 +1,221 @@
-"""What an MCAP file holds and where: from its summary, or by walking it when the summary is missing or broken."""
+"""What an MCAP file holds and where: from its summary, and by walking whatever the summary does not tell."""
 
 from __future__ import annotations
 
-import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from mcap.records import Channel as ChannelRecord
-from mcap.records import ChunkIndex, Footer, Header, Schema, Statistics
+from mcap.records import ChunkIndex, Schema, Statistics
 
 from mapgraft.contracts.sources import ReadFaults
 from mapgraft.recording.containers.chunks import Place, note_damage
+from mapgraft.recording.containers.inflate import Content
+from mapgraft.recording.containers.limits import ReadLimits
 from mapgraft.recording.containers.mcap_messages import Spans, spans
 from mapgraft.recording.containers.mcap_records import (
-    FOOTER_BYTES,
     MAGIC,
-    OPCODE_CHANNEL,
-    OPCODE_CHUNK,
-    OPCODE_DATA_END,
-    OPCODE_MESSAGE,
-    OPCODE_SCHEMA,
     RECORD_HEAD,
-    Record,
+    ChunkHead,
     chunk_content,
     chunk_head,
-    parsed,
     records,
 )
-
-BARE_BLOCK_BYTES = 1 << 20
-"""Messages outside chunks are read in blocks of about this size."""
+from mapgraft.recording.containers.mcap_scans import indexed_span
+from mapgraft.recording.containers.mcap_summary import Summary, believable_chunks, read_summary
+from mapgraft.recording.containers.mcap_walk import Piece, Walk
 
 
 @dataclass(slots=True)
 class McapIndex:
-    """Schemas, channels and places of a file. ``counts`` is None where nobody counted the messages per channel."""
+    """Schemas, channels and places of a file. ``counts`` is None where nobody counted the messages per channel.
 
-    profile: str = ""
+    ``unpacked_bytes`` is how much all chunks together say they hold; ``damaged`` holds the chunks that were found
+    broken, each with what can be read of it.
+    """
+
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, ChannelRecord] = field(default_factory=dict)
     places: list[Place] = field(default_factory=list)
-    counts: dict[int, int] | None = None
-    start_ns: int | None = None
-    end_ns: int | None = None
+    counts: dict[int, int] | None = field(default_factory=dict)
+    unpacked_bytes: int = 0
+    damaged: list[tuple[Place, Content]] = field(default_factory=list)
+    redefined: set[int] = field(default_factory=set)
+    supposed: list[Schema | ChannelRecord] = field(default_factory=list)
+
+    @property
+    def start_ns(self) -> int | None:
+        return min((place.start_ns for place in self.places if _has_time(place)), default=None)
+
+    @property
+    def end_ns(self) -> int | None:
+        return max((place.end_ns for place in self.places if _has_time(place)), default=None)
 
     def declare(self, value: object) -> None:
         """Take in a schema or a channel; the first of an id holds."""
         if isinstance(value, Schema):
             self.schemas.setdefault(value.id, value)
         elif isinstance(value, ChannelRecord):
-            self.channels.setdefault(value.id, value)
+            known = self.channels.setdefault(value.id, value)
+            if (known.topic, known.schema_id) != (value.topic, value.schema_id):
+                self.redefined.add(value.id)
 
-    def count(self, found: Spans) -> None:
-        self.counts = self.counts or {}
-        for channel, n in found.counts.items():
-            self.counts[channel] = self.counts.get(channel, 0) + n
+    def suppose(self, value: object) -> None:
+        """Remember a schema or a channel from bytes that may be wrong, in case that no others are found."""
+        if isinstance(value, Schema | ChannelRecord):
+            self.supposed.append(value)
+
+    def count(self, counts: Mapping[int, int]) -> None:
+        if self.counts is not None:
+            for channel, n in counts.items():
+                self.counts[channel] = self.counts.get(channel, 0) + n
 
 
-def read_index(view: memoryview, faults: ReadFaults) -> McapIndex:
-    """The index of a whole file, ``view``, whose leading magic has been checked. Adds what is wrong to ``faults``."""
+def _has_time(place: Place) -> bool:
+    """Chunks without messages say that they begin and end at 0."""
+    return bool(place.channels or place.start_ns or place.end_ns)
+
+
+def read_index(view: memoryview, faults: ReadFaults, limits: ReadLimits) -> McapIndex:
+    """The index of a whole file, ``view``. Adds what is wrong to ``faults``.
+
+    Where the summary tells of chunks these are not touched; only what lies between them is walked. Raises
+    RecordingError when all chunks together say that they hold far more than a file of this size can.
+    """
     index = McapIndex()
-    head = next(records(view, len(MAGIC), len(view)), None)
-    header = parsed(view, head) if head is not None else None
-    if isinstance(header, Header):
-        index.profile = header.profile
-    summary = _summary(view, faults)
-    if summary is None:
-        _walk(view, index, faults, look_inside=True)
-    else:
-        for value in summary:
-            index.declare(value)
-        if not _take_places(view, summary, index, faults):
-            _walk(view, index, faults, look_inside=not index.channels)
-        _take_statistics(summary, index)
-    index.start_ns = min((place.start_ns for place in index.places), default=None)
-    index.end_ns = max((place.end_ns for place in index.places), default=None)
+    summary = read_summary(view, faults)
+    for value in () if summary is None else summary.values:
+        (index.declare if summary is not None and summary.trusted else index.suppose)(value)
+    told = believable_chunks(view, summary, faults)
+    index.unpacked_bytes = sum(min(value.uncompressed_size, limits.chunk_bytes) for value in told)
+    limits.check_expansion("the recording", len(view), index.unpacked_bytes)
+    index.places = [_told_place(value) for value in told]
+    filler = _Filler(view, index, faults, limits)
+    found = filler.walk(_gaps(view, told, summary))
+    if told and found:
+        sentence = f"{found} chunks are missing in the recording's chunk index: they are read all the same"
+        faults.add("summary_damaged", sentence, place=2)
+    filler.open_for_channels(told)
+    _adopt(index, faults)
+    _take_statistics(summary, index, told, found)
     return index
 
 
-def _summary(view: memoryview, faults: ReadFaults) -> list[object] | None:
-    """The records of the summary; None when there is none, or none that can be trusted."""
-    if len(view) < len(MAGIC) + FOOTER_BYTES or bytes(view[-len(MAGIC) :]) != MAGIC:
-        faults.add("cut_off", "the recording was cut off (it has no end mark): what was written is read", place=0)
-        return None
-    end = len(view) - FOOTER_BYTES
-    footer = parsed(view, Record(2, end, end + RECORD_HEAD, end + RECORD_HEAD + 20, True))
-    if not isinstance(footer, Footer) or not 0 <= footer.summary_start <= end:
-        faults.add("summary_damaged", "the recording's summary cannot be found: the whole file is walked instead")
-        return None
-    if footer.summary_start == 0:
-        return None
-    checked = view[footer.summary_start : end + RECORD_HEAD + 16]
-    if footer.summary_crc and zlib.crc32(checked) != footer.summary_crc:
-        faults.add("summary_damaged", "the recording's summary is damaged: the whole file is walked instead")
-        return None
-    values = [parsed(view, record) for record in records(view, footer.summary_start, end)]
-    return [value for value in values if value is not None]
+def _told_place(value: ChunkIndex) -> Place:
+    begin, end = value.chunk_start_offset, value.chunk_start_offset + value.chunk_length
+    return Place(begin, end, value.message_start_time, value.message_end_time, value.message_index_offsets or None)
 
 
-def _take_places(view: memoryview, summary: list[object], index: McapIndex, faults: ReadFaults) -> bool:
-    """Places from the chunk index; False when the file has to be walked for them."""
-    statistics = next((value for value in summary if isinstance(value, Statistics)), None)
-    indexes = [value for value in summary if isinstance(value, ChunkIndex)]
-    if not indexes or not index.channels:
-        return False
-    if statistics is not None and statistics.chunk_count != len(indexes):
-        faults.add("summary_damaged", "the recording's chunk index is not complete: the whole file is walked instead")
-        return False
-    if any(value.chunk_start_offset + value.chunk_length > len(view) for value in indexes):
-        faults.add(
-            "summary_damaged", "the recording's chunk index points past its end: the whole file is walked instead"
-        )
-        return False
-    index.places = [
-        Place(
-            value.chunk_start_offset,
-            value.chunk_start_offset + value.chunk_length,
-            value.message_start_time,
-            value.message_end_time,
-            value.message_index_offsets or None,
-        )
-        for value in indexes
-    ]
-    return True
+def _gaps(view: memoryview, told: Sequence[ChunkIndex], summary: Summary | None) -> Iterator[tuple[int, int]]:
+    """What lies between the chunks that are known, from the first record to the summary or the end of the file."""
+    begin = len(MAGIC)
+    for k, value in enumerate(told):
+        yield begin, value.chunk_start_offset
+        begin = value.chunk_start_offset + value.chunk_length
+        behind = begin + value.message_index_length
+        limit = told[k + 1].chunk_start_offset if k + 1 < len(told) else len(view)
+        begin = behind if behind <= limit else begin
+    yield begin, len(view) if summary is None or not told else max(begin, summary.begin)
 
 
-def _take_statistics(summary: list[object], index: McapIndex) -> None:
-    for value in summary:
-        if isinstance(value, Statistics) and index.counts is None:
-            index.counts = dict(value.channel_message_counts)
+class _Filler:
+    """Finds places by walking, and looks into chunks where nothing else tells what they hold."""
+
+    def __init__(self, view: memoryview, index: McapIndex, faults: ReadFaults, limits: ReadLimits) -> None:
+        self._view = view
+        self._index = index
+        self._faults = faults
+        self._limits = limits
+        self._known = bool(index.channels)
+
+    def walk(self, gaps: Iterator[tuple[int, int]]) -> int:
+        """Take in what lies in the gaps; how many chunks and blocks of messages there were."""
+        walk, found = Walk(self._view, self._faults, self._index.declare), 0
+        for begin, end in gaps:
+            if end - begin < RECORD_HEAD:
+                continue
+            for piece in walk.pieces(begin, end):
+                found += 1
+                self._take(piece)
+        return found
+
+    def _take(self, piece: Piece) -> None:
+        index, head = self._index, None
+        if piece.is_chunk:
+            head = chunk_head(self._view, next(records(self._view, piece.offset, piece.end)))
+            index.unpacked_bytes += 0 if head is None else min(head.size, self._limits.chunk_bytes)
+            self._limits.check_expansion("the recording", len(self._view), index.unpacked_bytes)
+        place = None if head is None else self._by_indexes(piece, head)
+        if place is None and head is not None and not piece.indexes and self._known and head.start_ns <= head.end_ns:
+            place = Place(piece.offset, piece.end, head.start_ns, head.end_ns, None)
+            index.counts = None
+        if place is None:
+            place = self._open(piece)
+        if place is not None:
+            index.places.append(place)
+
+    def _by_indexes(self, piece: Piece, head: ChunkHead) -> Place | None:
+        """The place of a chunk whose message indexes are all there and agree with its head; it stays closed."""
+        if not piece.indexed or not piece.indexes.keys() <= self._index.channels.keys():
+            return None
+        span = indexed_span(self._view, piece.indexes)
+        if span is None or (span.start_ns, span.end_ns) != (head.start_ns, head.end_ns):
+            return None
+        self._index.count(span.counts)
+        return Place(piece.offset, piece.end, span.start_ns, span.end_ns, piece.indexes)
+
+    def _open(self, piece: Piece) -> Place | None:
+        """The place of a chunk or block by what is in it; None when there is nothing of use."""
+        content = chunk_content(self._view, piece.offset, piece.end, self._limits)
+        found = spans(content.data, self._index.declare)
+        spans(content.suspect, self._index.suppose)
+        self._index.count(found.counts)
+        place = _opened_place(piece, found)
+        if content.damage:
+            note_damage(self._faults, piece.offset, content)
+            whole = place._replace(channels=piece.indexes or place.channels)
+            self._index.damaged.append((whole, content._replace(suspect=b"")))
+        return place if found.counts else None
+
+    def open_for_channels(self, told: Sequence[ChunkIndex]) -> None:
+        """Look into chunks of the chunk index for channels that it speaks of and nobody describes."""
+        index = self._index
+        for place in index.places[: len(told)]:
+            known = self._known if place.channels is None else place.channels.keys() <= index.channels.keys()
+            if not known:
+                content = chunk_content(self._view, place.offset, place.end, self._limits)
+                spans(content.data, index.declare)
+                spans(content.suspect, index.suppose)
 
 
-def _walk(view: memoryview, index: McapIndex, faults: ReadFaults, *, look_inside: bool) -> None:
-    """Find all places by walking the file's records up to its data end or its break.
-
-    With ``look_inside`` chunks are decompressed too, because only they tell the channels, times and counts.
-    """
-    unopened = False
-    for offset, end, stated in _places(view, index, faults):
-        if stated is not None and not look_inside:
-            index.places.append(Place(offset, end, *stated, None))
-            unopened = True
-            continue
-        content = chunk_content(view, offset, end)
-        found = spans(content.data, index.declare)
-        note_damage(faults, offset, content)
-        if found.counts:
-            index.places.append(Place(offset, end, found.start_ns, found.end_ns, dict.fromkeys(found.counts, 0)))
-            index.count(found)
-    if unopened:
-        index.counts = None
+def _opened_place(piece: Piece, found: Spans) -> Place:
+    channels = {channel: piece.indexes.get(channel, 0) for channel in found.counts}
+    return Place(piece.offset, piece.end, found.start_ns, found.end_ns, channels)
 
 
-def _places(
-    view: memoryview, index: McapIndex, faults: ReadFaults
-) -> Iterator[tuple[int, int, tuple[int, int] | None]]:
-    """(offset, end, stated times) of each chunk, and (offset, end, None) of each block of messages outside chunks."""
-    block: int | None = None
-    reached = len(MAGIC)
-    for record in records(view, len(MAGIC), len(view)):
-        bare = record.opcode == OPCODE_MESSAGE and record.whole
-        if block is not None and (not bare or record.offset - block >= BARE_BLOCK_BYTES):
-            yield block, record.offset, None
-            block = None
-        if bare and block is None:
-            block = record.offset
-        reached = record.end
-        if record.opcode == OPCODE_DATA_END:
-            return
-        if record.opcode in (OPCODE_SCHEMA, OPCODE_CHANNEL):
-            index.declare(parsed(view, record))
-        elif record.opcode == OPCODE_CHUNK:
-            head = chunk_head(view, record)
-            yield record.offset, record.end, (head.start_ns, head.end_ns) if head is not None else None
-    if block is not None:
-        yield block, reached, None
-    faults.add("cut_off", "the recording was cut off (it has no data end): what was written is read", place=0)
+def _adopt(index: McapIndex, faults: ReadFaults) -> None:
+    """Where nothing better describes a channel or its schema, take a description from bytes that may be wrong."""
+    channels, schemas = set[int](), set[int]()
+    for value in index.supposed:
+        if isinstance(value, Schema) and value.id not in index.schemas:
+            index.schemas[value.id] = value
+            schemas.add(value.id)
+        elif isinstance(value, ChannelRecord) and value.id not in index.channels:
+            index.channels[value.id] = value
+            channels.add(value.id)
+    for number, channel in sorted(index.channels.items()):
+        if number in channels or channel.schema_id in schemas:
+            sentence = "its description lies in a damaged part of the file and is the only one: it may be wrong"
+            faults.add("channel_doubtful", sentence, topic=channel.topic, place=number)
+        if number in index.redefined:
+            sentence = f"the channel {number} is described twice, differently: the first description holds"
+            faults.add("channel_redefined", sentence, topic=channel.topic, place=number)
+
+
+def _take_statistics(summary: Summary | None, index: McapIndex, told: Sequence[ChunkIndex], found: int) -> None:
+    """What the writer counted, where it did and where not everything was counted here."""
+    if not told and found and index.counts is not None:
+        return
+    statistics = () if summary is None or not summary.trusted else summary.values
+    counted = next((dict(value.channel_message_counts) for value in statistics if isinstance(value, Statistics)), None)
+    index.counts = counted if told or index.counts is None else index.counts

@@ -17,6 +17,7 @@ from mcap.records import Channel as ChannelRecord
 from mcap.records import ChunkIndex, Footer, Header, Schema, Statistics
 
 from mapgraft.recording.containers.inflate import Content, inflate
+from mapgraft.recording.containers.limits import ReadLimits
 
 MAGIC = b"\x89MCAP0\r\n"
 RECORD_HEAD = 9  # opcode 1, length 8
@@ -28,6 +29,7 @@ OPCODE_CHUNK = int(Opcode.CHUNK)
 OPCODE_SCHEMA = int(Opcode.SCHEMA)
 OPCODE_CHANNEL = int(Opcode.CHANNEL)
 OPCODE_DATA_END = int(Opcode.DATA_END)
+OPCODE_MESSAGE_INDEX = int(Opcode.MESSAGE_INDEX)
 KNOWN_OPCODES = frozenset(int(opcode) for opcode in Opcode)
 
 Parsed = ChannelRecord | ChunkIndex | Footer | Header | Schema | Statistics
@@ -78,8 +80,21 @@ def parsed(view: memoryview, record: Record) -> Parsed | None:
         return None
 
 
+def is_parsed(opcode: int) -> bool:
+    """Whether ``parsed`` knows records of this kind."""
+    return opcode in _READERS
+
+
+def index_channel(view: memoryview, record: Record) -> int:
+    """The channel that a whole message index record is of."""
+    return int.from_bytes(view[record.begin : record.begin + 2], "little")
+
+
 class ChunkHead(NamedTuple):
-    """The head of a chunk record; its packed bytes are ``view[begin:end]``."""
+    """The head of a chunk record; its packed bytes are ``view[begin:end]``.
+
+    These are less than ``packed_bytes`` where the file was cut.
+    """
 
     start_ns: int
     end_ns: int
@@ -88,6 +103,7 @@ class ChunkHead(NamedTuple):
     compression: str
     begin: int
     end: int
+    packed_bytes: int
 
 
 def chunk_head(view: memoryview, record: Record) -> ChunkHead | None:
@@ -102,10 +118,12 @@ def chunk_head(view: memoryview, record: Record) -> ChunkHead | None:
     begin = at + name_bytes + 8
     if begin > record.end or (record.whole and begin + packed_bytes > record.end):
         return None
-    return ChunkHead(start_ns, end_ns, size, crc, compression, begin, min(begin + packed_bytes, record.end))
+    return ChunkHead(
+        start_ns, end_ns, size, crc, compression, begin, min(begin + packed_bytes, record.end), packed_bytes
+    )
 
 
-def chunk_content(view: memoryview, offset: int, end: int) -> Content:
+def chunk_content(view: memoryview, offset: int, end: int, limits: ReadLimits) -> Content:
     """What a place in the file holds: a chunk's content, or the bare records themselves in a file without chunks."""
     record = next(records(view, offset, end), None)
     if record is None or record.opcode not in KNOWN_OPCODES:
@@ -115,4 +133,7 @@ def chunk_content(view: memoryview, offset: int, end: int) -> Content:
     head = chunk_head(view, record)
     if head is None:
         return Content(b"", "has a broken head")
-    return inflate(head.compression, view[head.begin : head.end], head.size, head.crc)
+    cut = head.end - head.begin < head.packed_bytes
+    return inflate(
+        head.compression, view[head.begin : head.end], head.size, head.crc, limit=limits.chunk_bytes, cut=cut
+    )

@@ -7,14 +7,21 @@ left to the message-by-message way.
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping
 from functools import partial
 from itertools import repeat
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.contracts.sources import Channel, RecordedScan, ScanMessage
-from mapgraft.recording.containers.mcap_records import MESSAGE_HEAD, OPCODE_MESSAGE, RECORD_HEAD
+from mapgraft.recording.containers.mcap_records import (
+    MESSAGE_HEAD,
+    OPCODE_MESSAGE,
+    OPCODE_MESSAGE_INDEX,
+    RECORD_HEAD,
+)
 from mapgraft.recording.containers.selection import Wanted
 from mapgraft.recording.decoding.laser_layout import FLOAT32, LITTLE_ENDIAN_CDR, Layout, layout_of
 from mapgraft.recording.decoding.names import bare_frame
@@ -29,13 +36,9 @@ Entries = NDArray[np.uint64]  # (n, 2): log time in nanoseconds, offset of the m
 
 def index_entries(view: memoryview, at: int, channel_id: int, want: Wanted) -> Entries | None:
     """The entries of a message index record in the window, in log-time order; None when there is no such record."""
-    try:
-        opcode, length, channel, size = _index_head(view, at)
-    except struct.error:
+    entries = _entries(view, at, channel_id)
+    if entries is None:
         return None
-    if opcode != 7 or channel != channel_id or size != length - 6 or size % 16 or at + 15 + size > len(view):
-        return None
-    entries = np.frombuffer(view, "<u8", size // 8, at + 15).reshape(-1, 2)
     times = entries[:, 0]
     if want.start_ns > 0 or want.end_ns < 2**63:
         entries = entries[(times >= max(want.start_ns, 0)) & (times <= min(want.end_ns, 2**64 - 1))]
@@ -43,6 +46,46 @@ def index_entries(view: memoryview, at: int, channel_id: int, want: Wanted) -> E
     if (times[1:] < times[:-1]).any():
         entries = entries[np.lexsort((entries[:, 1], times))]
     return entries
+
+
+class IndexedSpan(NamedTuple):
+    """What the message indexes of a chunk tell: how many messages of which channel, and from when to when."""
+
+    counts: Mapping[int, int]
+    start_ns: int
+    end_ns: int
+
+
+def indexed_span(view: memoryview, indexes: Mapping[int, int]) -> IndexedSpan | None:
+    """What message indexes, by channel, at these places of the file tell; None unless all of them can be read."""
+    counts, start_ns, end_ns = dict[int, int](), 2**64, -1
+    for channel_id, at in indexes.items():
+        entries = _entries(view, at, channel_id)
+        if entries is None:
+            return None
+        if len(entries):
+            counts[channel_id] = len(entries)
+            start_ns = min(start_ns, int(entries[:, 0].min()))
+            end_ns = max(end_ns, int(entries[:, 0].max()))
+    return IndexedSpan(counts, start_ns, end_ns) if counts else None
+
+
+def indexed_counts(view: memoryview, indexes: Mapping[int, int]) -> dict[int, int]:
+    """How many messages of which channel the message indexes, as far as they can be read, tell."""
+    found = {channel_id: _entries(view, at, channel_id) for channel_id, at in indexes.items() if at}
+    return {channel_id: len(entries) for channel_id, entries in found.items() if entries is not None}
+
+
+def _entries(view: memoryview, at: int, channel_id: int) -> Entries | None:
+    try:
+        opcode, length, channel, size = _index_head(view, at)
+    except struct.error:
+        return None
+    if opcode != OPCODE_MESSAGE_INDEX or channel != channel_id or size != length - 6 or size % 16:
+        return None
+    if at + 15 + size > len(view):
+        return None
+    return np.frombuffer(view, "<u8", size // 8, at + 15).reshape(-1, 2)
 
 
 def chunk_scans(data: bytes | memoryview, entries: Entries, channel: Channel) -> list[RecordedScan] | None:

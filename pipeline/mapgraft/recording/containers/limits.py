@@ -1,0 +1,33 @@
+"""How much is unpacked of a file that may be broken or hostile."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mapgraft.errors import RecordingError
+
+FREE_BYTES = 1 << 30
+"""So much a file may unpack to, however small it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReadLimits:
+    """Bounds on what a container says of itself.
+
+    ``chunk_bytes`` is the size that one chunk, or one compressed message, may unpack to: it bounds memory. A file may
+    unpack to ``expansion`` times its own size: that bounds time.
+    """
+
+    chunk_bytes: int = 128 << 20
+    expansion: float = 1000.0
+
+    def check_expansion(self, path: object, packed_bytes: int, unpacked_bytes: int) -> None:
+        """Raise RecordingError when a file of ``packed_bytes`` unpacks, by what it says, to more than it may."""
+        if unpacked_bytes > max(FREE_BYTES, self.expansion * packed_bytes):
+            raise RecordingError(
+                f"{path} has {packed_bytes:,} bytes and says that it unpacks to {unpacked_bytes:,}, more than "
+                f"{self.expansion:g} times its size: raise limits.expansion if you trust it"
+            )
+
+
+DEFAULT_LIMITS = ReadLimits()
