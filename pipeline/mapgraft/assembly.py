@@ -11,6 +11,7 @@ from mapgraft.contracts import MapType
 from mapgraft.decision import DecisionTable
 from mapgraft.errors import ConfigError, PluginError
 from mapgraft.events import Sink
+from mapgraft.guard import Guard
 from mapgraft.history import History, Journal
 from mapgraft.persons import Hand, given_priors, recorded_priors
 from mapgraft.plugins import Plugins
@@ -35,7 +36,8 @@ class Assembly:
 
 def assemble(mission: Mission, config: Config, plugins: Plugins, table: DecisionTable, sink: Sink) -> Assembly:
     """Make the robots of a mission; raises ConfigError or PluginError when something does not fit."""
-    workshop, history = Workshop(plugins), History(sink)
+    guard = Guard(config.limits)
+    workshop, history = Workshop(plugins, guard=guard), History(sink)
     workshop.prepare(table)
     hand = hand_of(config, mission)
     robots: dict[str, Robot] = {}
@@ -50,7 +52,10 @@ def assemble(mission: Mission, config: Config, plugins: Plugins, table: Decision
         policy = workshop.policy(config.exchange.use, config.exchange.parameters)
     except (ConfigError, PluginError) as error:
         raise ConfigError(f"exchange: {error}") from None
-    return Assembly(robots, Exchange(policy, robots, mission.T_world_map), history, hand)
+    exchange = Exchange(
+        policy, robots, mission.T_world_map, guard=guard, history=history, policy_name=config.exchange.use
+    )
+    return Assembly(robots, exchange, history, hand)
 
 
 def map_type_of(name: str, kinds: Iterable[str], config: Config, workshop: Workshop) -> MapType:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-import tomllib
+import reprlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
+from mapgraft.documents import parse_toml, parse_yaml, read_text
 from mapgraft.errors import ConfigError
 
 ReversalName = Literal["ledger", "single_map", "multi_map"]
@@ -146,6 +145,22 @@ class MissionConfig(Section):
         return self
 
 
+class LimitsConfig(Section):
+    """How much is taken from a recording and from plugins that may be broken or hostile; all else goes on.
+
+    ``beams`` of one scan and ``grid_cells`` of one ready-made map; ``robots`` of one mission; ``extent_m`` is how far
+    from a robot's first observation its others may lie. ``plugin_s`` is how long one call of a plugin may take by the
+    clock, and after ``failures`` failures in a row, or one that took too long, it is not asked again.
+    """
+
+    beams: Annotated[int, Field(ge=1)] = 1 << 20
+    grid_cells: Annotated[int, Field(ge=1)] = 400_000_000
+    robots: Annotated[int, Field(ge=1)] = 100
+    extent_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 50_000.0
+    plugin_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 300.0
+    failures: Annotated[int, Field(ge=1)] = 3
+
+
 class OutputConfig(Section):
     """What is written beside the events. ``snapshots`` writes maps to the MCAP before and after merges and reverts."""
 
@@ -164,6 +179,7 @@ class Config(Section):
     forbid: list[tuple[str, str]] = Field(default_factory=list)
     verdicts: list[VerdictConfig] = Field(default_factory=list)
     output: OutputConfig = OutputConfig()
+    limits: LimitsConfig = LimitsConfig()
 
     @field_validator("robots")
     @classmethod
@@ -198,27 +214,11 @@ def parse_config(given: Mapping[str, Any], origin: str = "the configuration", fo
     return config if folder is None else _anchored(config, folder)
 
 
-def yaml_fault(error: YAMLError) -> str:
-    """Where and what the fault is, in one line: `` at line 3, column 4: …``."""
-    mark = getattr(error, "problem_mark", None)
-    at = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-    return f"{at}: {getattr(error, 'problem', None) or ' '.join(str(error).split())}"
-
-
 def read_mapping(path: Path) -> dict[str, Any]:
     """The mapping in a YAML 1.2 or TOML file; raises ConfigError with one sentence."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ConfigError(f"there is no file {path}: check the path") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    try:
-        given = tomllib.loads(text) if path.suffix == ".toml" else YAML(typ="safe", pure=True).load(text)
-    except YAMLError as error:
-        raise ConfigError(f"{path} is not valid YAML{yaml_fault(error)}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path} is not valid TOML: {error}") from None
+    text = read_text(path, str(path), ConfigError)
+    parse = parse_toml if path.suffix == ".toml" else parse_yaml
+    given = parse(text, str(path), ConfigError)
     if given is None:
         return {}
     if not isinstance(given, dict):
@@ -250,4 +250,12 @@ def text_of(fault: Mapping[str, Any]) -> str:
     if fault["type"] == "extra_forbidden":
         return "there is no such key; check the spelling"
     text = str(fault["msg"]).removeprefix("Value error, ")
-    return f"{text}, found {fault['input']!r}" if not isinstance(fault["input"], dict | list) else text
+    return f"{text}, found {_shown(fault['input'])}" if not isinstance(fault["input"], dict | list) else text
+
+
+def _shown(value: object) -> str:
+    """A value as Python writes it, shortened: it may be as long as the file."""
+    try:
+        return reprlib.repr(value)
+    except ValueError:  # a number of more digits than Python writes
+        return "a number of thousands of digits"

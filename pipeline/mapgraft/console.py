@@ -11,8 +11,12 @@ from rich.text import Text
 
 
 def plain(text: str) -> str:
-    """The text without control characters: names from a recording may hold escape sequences."""
-    return "".join(c if c == "\n" or c.isprintable() else f"\\x{ord(c):02x}" for c in text)
+    """The text without control characters: names from a recording may hold escape sequences.
+
+    Lines stay lines, but none that a name begins can pass for one of ours: what follows the first is indented.
+    """
+    lines = "".join(c if c == "\n" or c.isprintable() else f"\\x{ord(c):02x}" for c in text).split("\n")
+    return "\n".join([lines[0], *(line if line.startswith("  ") or not line else f"  {line}" for line in lines[1:])])
 
 
 def cell(text: object) -> Text:
@@ -31,5 +35,11 @@ def remarks() -> Console:
 
 
 def print_json(content: Any) -> None:
-    """One JSON document on stdout."""
-    sys.stdout.write(json.dumps(content, indent=2, ensure_ascii=False, default=str) + "\n")
+    """One JSON document on stdout; what a terminal would take for a command is escaped, which changes no value."""
+    text = json.dumps(content, indent=2, ensure_ascii=False, default=str)
+    sys.stdout.write("".join(c if c == "\n" or c.isprintable() else _escaped(c) for c in text) + "\n")
+
+
+def _escaped(character: str) -> str:
+    """A character as JSON spells it by its number; beyond 16 bits as a pair."""
+    return json.dumps(character)[1:-1]

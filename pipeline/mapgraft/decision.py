@@ -11,10 +11,10 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
-from mapgraft.config import Choice, ReversalName, Section, path_of, text_of, yaml_fault
+from mapgraft.config import Choice, ReversalName, Section, path_of, text_of
 from mapgraft.contracts import DecisionTableError, MapMetadata, PluginError
+from mapgraft.documents import parse_yaml, read_text
 from mapgraft.plugins import Broken, PluginKind, Plugins
 
 Value = bool | int | float | str
@@ -214,12 +214,16 @@ class DecisionTable:
     records: tuple[Record, ...]
     source: str
 
-    def choose(self, facts: Mapping[str, Value]) -> Ruling:
-        """The first rule whose conditions all hold and whose procedure is installed; later ones are not looked at."""
+    def choose(self, facts: Mapping[str, Value], passed: Mapping[int, str] | None = None) -> Ruling:
+        """The first rule whose conditions all hold and whose procedure is installed; later ones are not looked at.
+
+        ``passed`` tells of rules, by their ``id``, that they are passed over, and why.
+        """
         findings: list[Finding] = []
         own, other = str(facts.get("own.type")), str(facts.get("other.type"))
         for record in self.records:
             failure = _first_failure(record.rule, facts) or record.obstacle(own, other)
+            failure = failure or (passed or {}).get(id(record.rule))
             findings.append(Finding(record.rule.name, failure is None, failure or "applies"))
             if failure is None:
                 return Ruling(record.rule, tuple(findings))
@@ -282,10 +286,7 @@ def _spell(value: Value) -> str:
 
 def parse_rules(text: str, origin: str) -> list[Rule]:
     """Rules from YAML text (a list); raises DecisionTableError with every fault and its place."""
-    try:
-        given = YAML(typ="safe", pure=True).load(text)
-    except YAMLError as error:
-        raise DecisionTableError(f"the decision table {origin} is not valid YAML{yaml_fault(error)}") from None
+    given = parse_yaml(text, f"the decision table {origin}", DecisionTableError)
     return check_rules(given, origin)
 
 
@@ -315,12 +316,7 @@ def build_table(plugins: Plugins, own: Sequence[Mapping[str, Any]] | Path | None
     if own is None:
         rules, source = _rules_of_plugins(plugins)
     elif isinstance(own, Path):
-        try:
-            source = own.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise DecisionTableError(
-                f"the decision table {own} cannot be read: {getattr(error, 'strerror', None) or error}"
-            ) from None
+        source = read_text(own, f"the decision table {own}", DecisionTableError)
         rules = parse_rules(source, str(own))
     else:
         rules, source = check_rules(list(own), "in the configuration"), _as_yaml(own)

@@ -6,6 +6,7 @@ MapgraftError                  exit code 1; one sentence: what, what was found, 
 │   └── DecisionTableError     the decision table does not fit its schema
 ├── RecordingError             a file cannot be read as a recording, or holds nothing to map
 ├── PluginError                a plugin is missing, broken, or broke its contract
+│   └── FailedPluginError      one plugin failed while the run was under way; the run goes on without it
 ├── TransformError             a matrix is not a rigid transform, or a pose is not finite
 ├── MapError                   a map cannot be read, is empty, or does not fit the operation
 │   └── EmptyMapError          the map knows nothing yet
@@ -42,6 +43,15 @@ class RecordingError(MapgraftError):
 
 class PluginError(MapgraftError):
     """A plugin is missing, broken, or broke its contract."""
+
+
+class FailedPluginError(PluginError):
+    """One plugin failed while the run was under way; ``plugin`` is its kind and name."""
+
+    def __init__(self, sentence: str, plugin: tuple[str, str], *, took_too_long: bool = False) -> None:
+        super().__init__(sentence)
+        self.plugin = plugin
+        self.took_too_long = took_too_long
 
 
 class TransformError(MapgraftError):

@@ -18,6 +18,7 @@ Kind = Literal[
     "verified",  # the metrics were measured and the verifier kept the merge; not every time, see Merge.tells
     "confirmed",  # the verifier or a person is sure
     "reverted",  # the contribution was taken out again
+    "failed",  # a plugin raised, took too long or gave nonsense; the run goes on with the next rule or robot
 ]
 
 STANDING = ("merged", "updated", "verified", "confirmed")  # kinds after which the contribution is in the map

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from mapgraft.attempt import Attempt
 from mapgraft.contracts import Exactness, MapMetadata, MapType, Match, Measurement, Provenance, Sample, Transform
 from mapgraft.decision import Ruling
+from mapgraft.errors import FailedPluginError
 from mapgraft.events import DonorMap, Event, Kind, Sink, Snapshot
 from mapgraft.merge import Merge
 from mapgraft.procedures import Tools
@@ -137,6 +138,20 @@ class Journal:
                 donors(),
             )
         )
+
+    def failed(self, stamp_ns: int, donor: str, error: Exception, rule: str = "", merge: Merge | None = None) -> None:
+        """A plugin failed; the sentence names it. ``merge`` is the standing merge that it was asked about."""
+        of_merge: dict[str, Any] = {}
+        if merge is not None:
+            of_merge = {
+                **_of_donor(merge.provenance),
+                **_of_tools(merge.tools),
+                **_of_match(merge.match, merge.comparison.T_receiver_donor),
+                "merge_id": merge.merge_id,
+                "state": merge.state,
+            }
+        by = " ".join(error.plugin) if isinstance(error, FailedPluginError) else "plugin"
+        self._record("failed", stamp_ns, donor, **{"rule": rule, **of_merge}, by=by, reason=str(error))
 
     def _record(self, kind: Kind, stamp_ns: int, donor: str, **fields: Any) -> None:
         mine = {"reversal": self.reversal.name, "receiver_version": self.reversal.version}

@@ -7,7 +7,7 @@ import io
 import platform
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ from mapgraft.assembly import Assembly, assemble
 from mapgraft.config import Config, load_config, parse_config
 from mapgraft.contracts import Observation
 from mapgraft.decision import DecisionTable, build_table
-from mapgraft.errors import RecordingError, UsageError
+from mapgraft.errors import PluginError, RecordingError, UsageError
 from mapgraft.events import Event, Sink, Snapshot
 from mapgraft.outputs.provenance import InputFile, RunProvenance, run_id_of
 from mapgraft.plugins import Plugins, load_plugins
@@ -40,9 +40,9 @@ class Result:
     """What came of a run.
 
     ``maps`` holds every robot's last snapshot: ``maps["alpha"].fused.dense()`` for a grid. ``traffic`` counts bytes per
-    (donor, receiver). ``start_ns`` is the mission's first stamp. ``lost`` says in sentences which observations could
-    not be used, and why; ``remarks`` what was noticed about the robots' sources, such as a map file that is probably
-    not meant as it says.
+    (donor, receiver). ``start_ns`` is the mission's first stamp. ``lost`` says in sentences what of the files could
+    not be read and which observations could not be used, and why; ``remarks`` what was noticed about the robots'
+    sources, such as a map file that is probably not meant as it says.
     """
 
     run_id: str
@@ -121,6 +121,7 @@ def run(
     one sentence; what was decided before is on disk.
     """
     from mapgraft.outputs.run_folder import RunFolder
+    from mapgraft.recording.losses import losses
     from mapgraft.recording.mission import open_mission
     from mapgraft.recording.naming import stem
 
@@ -140,9 +141,12 @@ def run(
             folder.keep(MISSION_FILE, remembered_text(paths, checked).encode())
         if opened is not None:
             opened(*_span_of(mission, checked))
-        count = _replayed(mission, assembly, fan, watch)
+        with assembly.exchange.guard.armed():
+            count = _replayed(mission, assembly, fan, watch)
         if folder is not None:
             _tell_costs(folder, watch, assembly.exchange.traffic.sent)
+            folder.lost([asdict(loss) for loss in losses(mission)])
+            folder.finish()
         return Result(
             run_id=run_id,
             folder=None if out is None else Path(out),
@@ -151,7 +155,7 @@ def run(
             observations=count,
             traffic=dict(assembly.exchange.traffic.sent),
             start_ns=mission.start_ns,
-            lost=tuple(mission.tally.sentences()),
+            lost=(*_lost(mission, assembly), *(folder.unshown if folder else ())),
             remarks=tuple(_remarks(mission, assembly)),
         )
 
@@ -165,6 +169,14 @@ def _asked(
         config = demo_config if config is None else config
     listed = [files] if isinstance(files, Path | str) else files
     return [Path(file) for file in listed], as_config(config)
+
+
+def _lost(mission: Mission, assembly: Assembly) -> list[str]:
+    """What could not be used: by the recording's fault, or because a map type refused it."""
+    from mapgraft.recording.losses import fault_sentences
+
+    refused = [line for name, robot in assembly.robots.items() for line in robot.left_out.sentences(name)]
+    return [*fault_sentences(mission), *mission.tally.sentences(), *refused]
 
 
 def _remarks(mission: Mission, assembly: Assembly) -> list[str]:
@@ -195,6 +207,9 @@ def _replayed(mission: Mission, assembly: Assembly, sink: Sink, watch: Stopwatch
         count = replay(observations, assembly.robots, assembly.exchange, sink)
     if count == 0:
         raise RecordingError(nothing_to_map(mission))
+    if all(robot.left_out.count and not robot.reversal.version for robot in assembly.robots.values()):
+        reasons = "; ".join(line for name, robot in assembly.robots.items() for line in robot.left_out.sentences(name))
+        raise RecordingError(f"nothing was mapped: {reasons}")
     within_s = watch.elapsed_s("reading") + watch.elapsed_s("exchanging")
     watch.add("observing", watch.elapsed_s("replaying") - within_s, count)
     watch.add("replaying", 0.0, count)
@@ -218,6 +233,8 @@ def map_alone(files: Sequence[Path], config: Config, plugins: Plugins, table: De
         robots = assemble(mission, config, plugins, table, NullSink()).robots
         for observation in mission.observations():
             robots[observation.robot].observe(observation)
+    if failed := next((robot.failed for robot in robots.values() if robot.failed), None):
+        raise PluginError(failed)
     return robots
 
 

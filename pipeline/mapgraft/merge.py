@@ -21,6 +21,7 @@ from mapgraft.contracts import (
     Transform,
     Verdict,
 )
+from mapgraft.errors import PluginError
 from mapgraft.procedures import Tools, blaming
 from mapgraft.registration import Site
 from mapgraft.trail import Trail
@@ -74,6 +75,7 @@ class _Round:
 
     every: int
     watches: dict[str, _Watch] = field(default_factory=dict)
+    asking: str = ""
 
     def next_after(self, now: int) -> int:
         return (now // self.every + 1) * self.every if self.watches else now + NEVER
@@ -82,6 +84,7 @@ class _Round:
         """Ask those that are concerned, put what all of them measure into a mapping; False when nobody was asked."""
         asked = False
         for name, watch in self.watches.items():
+            self.asking = name
             if everything or watch.latest is None or watch.is_concerned(trail):
                 into[name], asked = watch.ask(trail), True
             else:
@@ -112,6 +115,8 @@ class Merge:
     state: State = "provisional"
     history: list[Sample] = field(default_factory=list)
     decided_by_person: bool = False
+    unwatched: bool = False  # what measures or judges it has failed: it stays as it is
+    complaints: list[PluginError] = field(default_factory=list)  # of metrics that judge nothing
     due_at: int = 0  # observation of the receiver at which there is something to do next
     stood: list[Transform] = field(init=False)
     _began: int = 0
@@ -199,7 +204,7 @@ class Merge:
             if everything or now % self._judged.every == 0:
                 judged = self._judged.look(trail, everything, measured)
             if everything or now % self._logged.every == 0:
-                logged = self._logged.look(trail, everything, measured)
+                logged = self._look_for_the_record(everything, measured)
         self._plan()
         if not (judged or logged or everything):
             return None
@@ -208,6 +213,15 @@ class Merge:
         if everything or now % self._judged.every == 0 or not self._judged.watches:
             self._remember(sample)  # it has all the verifier looks at, and may have more
         return sample
+
+    def _look_for_the_record(self, everything: bool, into: dict[str, Measurement]) -> bool:
+        """What judges nothing may fail: it is left out from then on."""
+        while True:
+            try:
+                return self._logged.look(self.trail, everything, into)
+            except PluginError as error:
+                del self._logged.watches[self._logged.asking]
+                self.complaints.append(error)
 
     def _remember(self, sample: Sample) -> None:
         if len(self.history) > 1 and self.history[-1].observations == sample.observations:
@@ -219,6 +233,9 @@ class Merge:
     def _plan(self) -> None:
         """Find out when there is something to do again."""
         now = self.trail.now
+        if self.unwatched:
+            self.due_at = now + NEVER
+            return
         self.due_at = min(self._judged.next_after(now), self._logged.next_after(now))
         if self.may_move and (every := self.tools.rule.refine.every) is not None:
             self.due_at = min(self.due_at, max(self._registered + every, now + 1))
@@ -226,7 +243,14 @@ class Merge:
     @property
     def may_move(self) -> bool:
         """Whether it may be registered anew; what a person decided stays where it is."""
-        return self.meeting is not None and not self.decided_by_person
+        return self.meeting is not None and not self.decided_by_person and not self.unwatched
+
+    def stop_watching(self) -> None:
+        """Ask nobody about it any more: it stays as it is."""
+        self.unwatched = True
+        self._judged.watches.clear()
+        self._logged.watches.clear()
+        self._plan()
 
     def is_to_register(self) -> bool:
         """Whether it is time to ask whether the maps have grown enough to register the merge anew."""
@@ -255,7 +279,7 @@ class Merge:
     @property
     def is_untold(self) -> bool:
         """Whether the last sample was not written down."""
-        return self._began + self.history[-1].observations > self._told
+        return bool(self.history) and self._began + self.history[-1].observations > self._told
 
     def judge(self) -> Verdict:
         """The verifier's word on the history so far."""

@@ -11,6 +11,15 @@ from typing import cast
 from mapgraft.contracts import Acceptor, Conversion, Fuser, MapType, Matcher, Metric, Policy, Verifier
 from mapgraft.decision import DecisionTable, Procedure, Rule
 from mapgraft.errors import ConfigError, MapgraftError, PluginError
+from mapgraft.guard import Guard
+from mapgraft.guarded import (
+    GuardedAcceptor,
+    GuardedConversion,
+    GuardedFuser,
+    GuardedMatcher,
+    GuardedMetric,
+    GuardedVerifier,
+)
 from mapgraft.plugins import PluginKind, Plugins
 
 METHODS: Mapping[PluginKind, tuple[str, ...]] = {
@@ -105,11 +114,12 @@ def _parts(rule: Rule) -> list[tuple[PluginKind, str, Mapping[str, object]]]:
 class Workshop:
     """Makes tools, map types and conversions from the installed plugins.
 
-    With ``watch`` somebody looks over the tools' shoulders: what it returns works in their place.
+    With ``watch`` somebody looks over the tools' shoulders: what it returns works in their place. All are guarded.
     """
 
     plugins: Plugins
     watch: Callable[[Tools], Tools] | None = None
+    guard: Guard = field(default_factory=Guard)
     _made: dict[tuple[PluginKind, str, str], object] = field(default_factory=dict)
     _map_types: dict[str, MapType] = field(default_factory=dict)
 
@@ -140,17 +150,27 @@ class Workshop:
     def tools(self, rule: Rule) -> Tools:
         """The tools of a rule that has a procedure; raises PluginError or ConfigError when one cannot be made."""
         made = {(kind, name): self._tool(kind, name, parameters) for kind, name, parameters in _parts(rule)}
-        procedure = rule.procedure
+        procedure, guard = rule.procedure, self.guard
+        match, accept, fuse, verify = (
+            part.use for part in (procedure.match, procedure.accept, procedure.fuse, procedure.verify)
+        )
         tools = Tools(
             procedure,
-            cast("Matcher", made["matcher", procedure.match.use]),
-            cast("Acceptor", made["acceptor", procedure.accept.use]),
-            cast("Fuser", made["fuser", procedure.fuse.use]),
-            {name: cast("Metric", made["metric", name]) for name in procedure.metric_names},
-            cast("Verifier", made["verifier", procedure.verify.use]),
+            GuardedMatcher(match, cast("Matcher", made["matcher", match]), guard),
+            GuardedAcceptor(accept, cast("Acceptor", made["acceptor", accept]), guard),
+            GuardedFuser(fuse, cast("Fuser", made["fuser", fuse]), guard),
+            {name: GuardedMetric(name, cast("Metric", made["metric", name]), guard) for name in procedure.metric_names},
+            GuardedVerifier(verify, cast("Verifier", made["verifier", verify]), guard),
             rule.refine.every is not None and self.plugins.find("matcher", procedure.match.use).descriptor.uses_prior,
         )
         return tools if self.watch is None else self.watch(tools)
+
+    def out_of_order(self, rule: Rule) -> str | None:
+        """Why a rule cannot be used any more in this run: one of its plugins was set aside."""
+        if rule.reject is not None or not self.guard.set_aside:
+            return None
+        said = (self.guard.set_aside.get((kind, name)) for kind, name, _ in _parts(rule))
+        return next((why for why in said if why), None)
 
     def _tool(self, kind: PluginKind, name: str, parameters: Mapping[str, object]) -> object:
         """One tool, made once for all rules that want it with the same parameters."""
@@ -174,7 +194,7 @@ class Workshop:
         name = self.plugins.converts(source, target)
         if name is None:
             raise PluginError(f"there is no conversion from {source} to {target}: install a plugin that offers one")
-        return cast("Conversion", self._make("conversion", name, {}))
+        return GuardedConversion(name, cast("Conversion", self._make("conversion", name, {})), self.guard)
 
     def policy(self, name: str, parameters: Mapping[str, object]) -> Policy:
         return cast("Policy", self._make("policy", name, parameters))

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field, replace
 
 from mapgraft.attempt import Attempt, Attempts, Grafted, Meeting
 from mapgraft.candidates import Candidates, LastAttempt
-from mapgraft.contracts import Donation, MapMetadata, MapType, Observation, Prior, Provenance, Sample
+from mapgraft.contracts import Donation, MapMetadata, MapType, Observation, Prior, Provenance, Sample, Verdict
 from mapgraft.decision import DecisionTable, facts_of
-from mapgraft.errors import MapError
+from mapgraft.errors import FailedPluginError, MapError, PluginError
 from mapgraft.events import DonorMap
 from mapgraft.exchange import LayerMessage, Offer
+from mapgraft.guard import Call
 from mapgraft.history import Journal, Moment
 from mapgraft.merge import Merge
 from mapgraft.persons import Hand, sigma_m
@@ -23,6 +24,7 @@ from mapgraft.trail import Trail
 
 Fetch = Callable[[], bytes]
 LONG = 64  # observations: so often it is found out which of them are still needed
+_ALIKE = 40  # characters: sentences that begin alike tell one reason, with other numbers
 EPOCH = 1  # a robot's map frame lives from its first to its last observation
 
 
@@ -41,6 +43,25 @@ class Encounter:
 
 
 @dataclass(slots=True)
+class LeftOut:
+    """Observations that a robot's map type refused: how many, and the first one's stamp and sentence per reason."""
+
+    count: int = 0
+    reasons: dict[str, tuple[int, str]] = field(default_factory=dict)  # how it begins → (count, sentence)
+
+    def add(self, observation: Observation, why: str) -> None:
+        self.count += 1
+        count, first = self.reasons.get(why[:_ALIKE], (0, f"the first, at {observation.stamp_ns / 1e9:.3f} s: {why}"))
+        self.reasons[why[:_ALIKE]] = (count + 1, first)
+
+    def sentences(self, robot: str) -> list[str]:
+        """What a person should know."""
+        return [
+            f"{robot}: {count} observations did not enter the map; {first}" for count, first in self.reasons.values()
+        ]
+
+
+@dataclass(slots=True)
 class Robot:
     """One robot with its map and its merges; it decides for itself and knows the others only from bytes."""
 
@@ -56,6 +77,8 @@ class Robot:
     trail: Trail = field(default_factory=Trail)
     looked_at: dict[str, tuple[int, Provenance]] = field(default_factory=dict)  # donor → versions last considered
     attempts: Attempts = field(init=False)
+    left_out: LeftOut = field(default_factory=LeftOut)
+    failed: str = ""  # why the robot takes no part any more: its map type failed
     _encoded: tuple[int, bytes] | None = None
     _described: tuple[int, MapMetadata] | None = None
 
@@ -63,8 +86,25 @@ class Robot:
         self.attempts = Attempts(self.workshop, self.map_type, self.reversal)
 
     def observe(self, observation: Observation) -> None:
-        """Integrate an own observation; verify and register anew every standing merge whose time has come."""
-        self.trail.add(observation, self.reversal.observe(observation))
+        """Integrate an own observation; verify and register anew every standing merge whose time has come.
+
+        An observation that the map type refuses is left out and counted; a map type that fails ends the robot's part
+        in the run, because nobody knows what it has left of its layer.
+        """
+        if self.failed:
+            self.left_out.add(observation, f"{self.name} takes no part any more: {self.failed}")
+            return
+        try:
+            with self._asking():
+                touched = self.reversal.observe(observation)
+        except MapError as error:
+            self.left_out.add(observation, str(error))
+            return
+        except FailedPluginError as error:
+            self.left_out.add(observation, str(error))
+            self.fail(error, observation.stamp_ns)
+            return
+        self.trail.add(observation, touched)
         self.attempts.changed()
         now = self.trail.now
         due = [merge for merge in self.merges.values() if now >= merge.due_at]
@@ -75,9 +115,26 @@ class Robot:
         if not self.merges or now % LONG == 0:
             self.trail.forget(min((merge.seen for merge in self.merges.values()), default=now))
 
+    def fail(self, error: PluginError | MapError, stamp_ns: int) -> None:
+        """End this robot's part in the run, and say why; what stands in its map stays."""
+        self.failed = str(error)
+        self._failed(error, stamp_ns, "")
+
+    def _asking(self) -> Call:
+        """A context in which the robot's own map type is asked."""
+        return self.workshop.guard.calling("map type", self.map_type.name)
+
+    def _failed(
+        self, error: PluginError | MapError, stamp_ns: int, donor: str, rule: str = "", merge: Merge | None = None
+    ) -> None:
+        if isinstance(error, PluginError):
+            self.workshop.guard.note(error)
+        self.journal.failed(stamp_ns, donor, error, rule, merge)
+
     def offer(self) -> bytes:
-        """What this robot tells about its map."""
-        return Offer(self.provenance, self.metadata()).encode()
+        """What this robot tells about its map; raises FailedPluginError or MapError when its type cannot tell."""
+        with self._asking():
+            return Offer(self.provenance, self.metadata()).encode()
 
     def metadata(self) -> MapMetadata:
         """What there is to say about the offered layer, found out once per version."""
@@ -92,8 +149,9 @@ class Robot:
         return self.metadata() if layer is self.reversal.offered_layer() else self.map_type.metadata(layer)
 
     def layer(self) -> bytes:
-        """This robot's own evidence, raw and in its own frame, ready to send."""
-        return LayerMessage(self.provenance, self.map_type.name, self.encoded_layer()).encode()
+        """This robot's own evidence, raw and in its own frame, ready to send; raises as ``offer``."""
+        with self._asking():
+            return LayerMessage(self.provenance, self.map_type.name, self.encoded_layer()).encode()
 
     def encoded_layer(self) -> bytes:
         """The offered layer in its canonical encoding."""
@@ -121,16 +179,39 @@ class Robot:
             self.journal.offered(stamp_ns, received.provenance, len(offer))
             self.journal.forbidden(stamp_ns, donor)
             return
-        met = self._encounter(donor, received.metadata, stamp_ns)
-        ruling = self.table.choose(facts_of(met.own, met.other, sigma_m(met.prior), self.reversal.name))
-        rule = None if ruling.rejected else ruling.rule
-        if rule and self.candidates.waits(donor, rule.name, rule.retry.growth, met.own, met.other):
-            return
-        self.journal.offered(stamp_ns, received.provenance, len(offer))
-        if rule is None:
-            self.journal.rejected(stamp_ns, donor, ruling)
-        else:
-            self._attempt(self.workshop.tools(rule), fetch(), met)
+        with self._asking():
+            met = self._encounter(donor, received.metadata, stamp_ns)
+        self._decide(received, len(offer), fetch, met)
+
+    def _decide(self, received: Offer, size: int, fetch: Fetch, met: Encounter) -> None:
+        """Try the first rule that applies; where a plugin of it fails, say so and go on with the next one."""
+        donor, stamp_ns, told = received.provenance.source, met.stamp_ns, False
+        facts = facts_of(met.own, met.other, sigma_m(met.prior), self.reversal.name)
+        rules = [record.rule for record in self.table.records]
+        passed = {id(rule): why for rule in rules if (why := self.workshop.out_of_order(rule))}
+        while True:
+            ruling = self.table.choose(facts, passed)
+            rule = None if ruling.rejected else ruling.rule
+            if rule and self.candidates.waits(donor, rule.name, rule.retry.growth, met.own, met.other):
+                return
+            if not told:
+                self.journal.offered(stamp_ns, received.provenance, size)
+                told = True
+            if rule is None:
+                self.journal.rejected(stamp_ns, donor, ruling)
+                return
+            try:
+                tools = self.workshop.tools(rule)
+                self._attempt(tools, fetch(), met)
+                return
+            except MapError as error:  # what the donor sent, or the map that would come of it, cannot be used
+                attempt, merge_id = Attempt("unmatched", str(error), 0), self.candidates.next_id(self.name, donor)
+                self.candidates.keep(donor, LastAttempt(merge_id, rule.name, None, met.own, met.other))
+                self.journal.attempted(stamp_ns, attempt, tools, merge_id, received.provenance, 0)
+                return
+            except PluginError as error:
+                self._failed(error, stamp_ns, donor, rule.name)
+                passed[id(rule)] = str(error)
 
     def _encounter(self, donor: str, other: MapMetadata, stamp_ns: int) -> Encounter:
         """A prior is left out where the donor was taken out from there before."""
@@ -171,12 +252,17 @@ class Robot:
         meeting = grafted.meeting if tools.refines and self.reversal.name != "single_map" else None
         merge = Merge(*made, self.trail, met.site, meeting)
         self._snapshot("before merge", stamp_ns, merge_id, entering=(merge,))
-        self.reversal.merge(merge_id, grafted.contribution)
+        with self.workshop.guard.calling("fuser", tools.procedure.fuse.use):
+            self.reversal.merge(merge_id, grafted.contribution)
         self._fused_changed()
         self.merges[merge.donor] = merge
         self.journal.attempted(stamp_ns, attempt, tools, merge_id, provenance, size)
         self._snapshot("after merge", stamp_ns, merge_id)
-        sample = merge.start(stamp_ns, attempt.measurements)
+        try:
+            sample = merge.start(stamp_ns, attempt.measurements)
+        except PluginError as error:
+            self.revert(merge, stamp_ns, f"it cannot be measured: {error}", "merge", refuse=False)
+            raise
         self.journal.changed("verified", stamp_ns, merge, "measured at the merge", "merge", sample)
         return merge
 
@@ -203,27 +289,30 @@ class Robot:
             meeting = self.attempts.meet(merge.tools, self._receive(data))
             move = self._find_move(merge, meeting)
             grafted = self.attempts.graft(merge.tools, meeting, move.match if move else merge.match)
+            moved = f"; {move.reason}" if move else ""
+            self._swap(merge, grafted, f"the donor has gone on mapping{moved}", "exchange", stamp_ns, len(data))
         except MapError as error:
             reason = f"the donor's newer map is left aside: {error}"
             self.journal.changed("verified", stamp_ns, merge, reason, "exchange", size=len(data))
-            return
-        moved = f"; {move.reason}" if move else ""
-        self._swap(merge, grafted, f"the donor has gone on mapping{moved}", "exchange", stamp_ns, len(data))
+        except PluginError as error:
+            self._failed(error, stamp_ns, merge.donor, merge=merge)
 
     def _register(self, merge: Merge, stamp_ns: int) -> None:
         """Find out whether both maps, as they are now, tell a better transform, and put it in the place of the old."""
-        if merge.meeting is None or (move := self._find_move(merge, merge.meeting)) is None:
-            return
+        by, move = merge.tools.procedure.match.use, None
         try:
+            if merge.meeting is None or (move := self._find_move(merge, merge.meeting)) is None:
+                return
             grafted = self.attempts.graft(merge.tools, merge.meeting, move.match)
+            self._swap(merge, grafted, move.reason, by, stamp_ns)
         except MapError as error:
-            reason = f"{move.reason}, left aside: {error}"
-            self.journal.changed("verified", stamp_ns, merge, reason, merge.tools.procedure.match.use)
-            return
-        self._swap(merge, grafted, move.reason, merge.tools.procedure.match.use, stamp_ns)
+            reason = f"{move.reason if move else 'registered anew'}, left aside: {error}"
+            self.journal.changed("verified", stamp_ns, merge, reason, by)
+        except PluginError as error:
+            self._failed(error, stamp_ns, merge.donor, merge=merge)
 
     def _find_move(self, merge: Merge, meeting: Meeting) -> Move | None:
-        if not merge.may_move or not merge.has_grown(meeting):
+        if not merge.may_move or not merge.has_grown(meeting) or self.workshop.out_of_order(merge.tools.rule):
             return None
         return self.attempts.find_move(merge.tools, meeting, merge.match, merge.stood[0], merge.site)
 
@@ -236,7 +325,8 @@ class Robot:
             self.verify(merge, stamp_ns, everything=True)
         if merge.state == "reverted":
             return
-        self.reversal.replace(merge.merge_id, grafted.contribution)
+        with self.workshop.guard.calling("fuser", merge.tools.procedure.fuse.use):
+            self.reversal.replace(merge.merge_id, grafted.contribution)
         merge.replace(grafted)
         self.journal.changed("updated", stamp_ns, merge, reason, by, size=size)
         self.verify(merge, stamp_ns, everything=True, tell=True)
@@ -248,16 +338,25 @@ class Robot:
         """
         try:
             sample = merge.measure(stamp_ns, everything)
+            for complaint in merge.complaints:
+                self._failed(complaint, stamp_ns, merge.donor, merge=merge)
+            merge.complaints.clear()
+            if sample is None:
+                return
+            if sample is not merge.history[-1]:
+                self.journal.changed("verified", stamp_ns, merge, "measured for the record", "log", sample)
+                return
+            verdict = merge.judge()
         except MapError as error:
             self.journal.changed("verified", stamp_ns, merge, f"it cannot be measured: {error}", "merge")
-            return
-        if sample is None:
-            return
-        if sample is not merge.history[-1]:
-            self.journal.changed("verified", stamp_ns, merge, "measured for the record", "log", sample)
-            return
-        verdict, by = merge.judge(), merge.tools.procedure.verify.use
-        tell = merge.tells(verdict, tell)
+        except PluginError as error:
+            self._unverifiable(merge, stamp_ns, error)
+        else:
+            self._follow(merge, stamp_ns, verdict, sample, tell)
+
+    def _follow(self, merge: Merge, stamp_ns: int, verdict: Verdict, sample: Sample, tell: bool) -> None:
+        """Do as the verifier says."""
+        by, tell = merge.tools.procedure.verify.use, merge.tells(verdict, tell)
         if verdict.action == "revert" and not merge.decided_by_person:
             self.revert(merge, stamp_ns, verdict.reason, by, sample, evidence=verdict.evidence)
         elif verdict.action == "confirm" and merge.state == "provisional":
@@ -266,6 +365,15 @@ class Robot:
         elif tell:
             said = f"confirmed by a person; {verdict.reason}" if merge.decided_by_person else verdict.reason
             self.journal.changed("verified", stamp_ns, merge, said, by, sample, evidence=verdict.evidence)
+
+    def _unverifiable(self, merge: Merge, stamp_ns: int, error: PluginError) -> None:
+        """What nobody can judge any more goes if it was provisional, and stays, unwatched, if it was confirmed."""
+        self._failed(error, stamp_ns, merge.donor, merge=merge)
+        if merge.state == "confirmed":
+            merge.stop_watching()
+            self.journal.changed("verified", stamp_ns, merge, f"not verified any more: {error}", "merge")
+        else:
+            self.revert(merge, stamp_ns, f"it cannot be verified any more: {error}", "merge", refuse=False)
 
     def revert(
         self,
@@ -276,15 +384,17 @@ class Robot:
         sample: Sample | None = None,
         by_person: bool = False,
         evidence: Mapping[str, float] | None = None,
+        refuse: bool = True,
     ) -> None:
-        """Take the donor's data out of the map again, and refuse its places from now on."""
+        """Take the donor's data out of the map again, and refuse its places from now on, if not told otherwise."""
         self._snapshot("before revert", stamp_ns, merge.merge_id)
         exactness = self.reversal.revert(merge.merge_id)
         del self.merges[merge.donor]
         self._fused_changed()
         merge.state = "reverted"
-        refusal = Refusal(merge.merge_id, tuple(merge.stood), merge.match.score, by_person)
-        self.attempts.refusals.add(merge.donor, refusal)
+        if refuse:
+            refusal = Refusal(merge.merge_id, tuple(merge.stood), merge.match.score, by_person)
+            self.attempts.refusals.add(merge.donor, refusal)
         self.journal.changed("reverted", stamp_ns, merge, reason, by, sample, exactness, evidence=evidence)
         self._snapshot("after revert", stamp_ns, merge.merge_id)
 
@@ -297,7 +407,7 @@ class Robot:
 
     def finish(self, stamp_ns: int) -> None:
         """The last look at every standing merge, and the last snapshot."""
-        for merge in list(self.merges.values()):
+        for merge in [] if self.failed else list(self.merges.values()):
             if merge.has_news or merge.is_untold:
                 self.verify(merge, stamp_ns, everything=True, tell=True)
         self._snapshot("end", stamp_ns)
@@ -307,4 +417,9 @@ class Robot:
             merges = (*self.merges.values(), *entering)
             return {merge.donor: DonorMap(merge.comparison.map_type, merge.comparison.donor) for merge in merges}
 
-        self.journal.snapshot(why, stamp_ns, self.own_metadata, self.encoded_layer, donors, merge_id)
+        try:
+            with self._asking():
+                self.journal.snapshot(why, stamp_ns, self.own_metadata, self.encoded_layer, donors, merge_id)
+        except (FailedPluginError, MapError) as error:  # the map cannot be shown; its evidence is as it was
+            if not self.failed:
+                self._failed(error, stamp_ns, "")

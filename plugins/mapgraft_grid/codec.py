@@ -42,7 +42,7 @@ def encode(layer: GridLayer) -> bytes:
 
 
 def decode(data: bytes) -> GridLayer:
-    """The layer of these bytes; raises MapError when they are not exactly what ``encode`` makes."""
+    """The layer of these bytes; raises MapError when they do not hold exactly what ``encode`` packs."""
     start = len(_MAGIC) + 2
     if data[: len(_MAGIC)] != _MAGIC or len(data) < start:
         raise MapError(f"an encoded grid begins with {_MAGIC!r}, found {data[:8]!r}: these bytes are something else")

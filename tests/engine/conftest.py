@@ -43,8 +43,8 @@ class Memory:
 class At:
     """A policy: everybody meets at these stamps."""
 
-    def __init__(self, *stamps_s: int) -> None:
-        self.stamps_ns = [s * SECOND for s in stamps_s]
+    def __init__(self, *stamps_s: float) -> None:
+        self.stamps_ns = [round(s * SECOND) for s in stamps_s]
 
     def due(self, situation: Situation) -> list[Meeting]:
         return [Meeting(ns) for ns in self.stamps_ns if situation.previous_ns < ns <= situation.now_ns]

@@ -120,5 +120,5 @@ def test_rules_of_one_name_keep_their_own_tools_and_equal_tools_are_made_once(pl
     )
     workshop = Workshop(plugins)
     one, other = (workshop.tools(record.rule) for record in table_of(plugins, tmp_path, text).records)
-    assert (one.acceptor.least, other.acceptor.least) == (2, 9)
-    assert one.matcher is other.matcher
+    assert (one.acceptor.acceptor.least, other.acceptor.acceptor.least) == (2, 9)
+    assert one.matcher.matcher is other.matcher.matcher

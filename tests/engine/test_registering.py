@@ -80,7 +80,8 @@ def test_what_was_seen_before_is_told_in_a_step_of_its_own_first(play):
 
         def update(self, step):
             seen = [observation.payload for observation in step.observations]
-            x_m, score = self.tracker.comparison.T_receiver_donor.x_m, self.tracker.comparison.match.score
+            comparison = self.tracker.tracker.comparison
+            x_m, score = comparison.T_receiver_donor.x_m, comparison.match.score
             steps.append((seen, step.donor_changed, step.touched is None, x_m, score))
             return self.tracker.update(step)
 

@@ -24,7 +24,7 @@ def print_summary(result: Result) -> None:
     console.print(_robot_table(result))
     standing = len(result.standing)
     if not standing:
-        console.print(f"No merge stands at the end. {_why_not(result.events)}")
+        console.print(cell(f"No merge stands at the end. {_why_not(result.events)}"))
     else:
         reverted = sum(event.kind == "reverted" for event in result.events)
         console.print(f"{standing} merge{'s' * (standing != 1)} standing, {reverted} reverted.")

@@ -12,9 +12,15 @@ from mapgraft.contracts import Exactness, Measurement, Transform
 from mapgraft.events import Event, Kind
 from mapgraft.outputs.cdr import CdrWriter
 
-DEBUG, INFO, WARN = 10, 20, 30  # levels of rcl_interfaces/msg/Log
+DEBUG, INFO, WARN, ERROR = 10, 20, 30, 40  # levels of rcl_interfaces/msg/Log
 
-_LEVELS: Mapping[Kind, int] = {"offered": DEBUG, "verified": DEBUG, "ambiguous": WARN, "reverted": WARN}
+_LEVELS: Mapping[Kind, int] = {
+    "offered": DEBUG,
+    "verified": DEBUG,
+    "ambiguous": WARN,
+    "reverted": WARN,
+    "failed": ERROR,
+}
 _PLAIN = (
     *("kind", "receiver", "donor", "merge_id", "state", "reason", "by", "rule", "matcher", "fuser", "verifier"),
     *("reversal", "seq", "scale", "hypotheses", "donor_epoch", "donor_version", "receiver_version", "bytes_received"),

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from mapgraft.contracts import Map, MapType
 from mapgraft.errors import PluginError
 from mapgraft.events import Event, Snapshot
 from mapgraft.outputs.names import Names
@@ -87,20 +88,26 @@ def connected(robots: Iterable[str], merges: Sequence[StandingMerge]) -> list[Co
     return [Component(part[0], part, next(robot for robot in part if robot in receivers)) for part in parts]
 
 
-def map_files(snapshots: Mapping[str, Snapshot], together: Sequence[Component], names: Names) -> dict[str, bytes]:
+def map_files(
+    snapshots: Mapping[str, Snapshot],
+    together: Sequence[Component],
+    names: Names,
+    unshown: dict[str, str] | None = None,
+) -> dict[str, bytes]:
     """``maps/<robot>.*`` (own) and ``maps/<component>.merged.*`` (fused): name → content.
 
-    ``snapshots`` holds the last one of every robot. A map that knows nothing gives no file.
+    ``snapshots`` holds the last one of every robot. A map that knows nothing gives no file. Where ``unshown`` is given,
+    a map that its type cannot write is left out, and why goes there by the name of the file.
     """
     out: dict[str, bytes] = {}
     for robot, snapshot in sorted(snapshots.items()):
         if snapshot.own.known():
-            out |= _in_maps(snapshot.map_type.files(snapshot.own, names[robot]), names[robot])
+            out |= _files_of(snapshot.map_type, snapshot.own, names[robot], unshown)
     for component in together:
         last = snapshots.get(component.map_of)
         if last is not None and last.fused.known():
             stem = f"{names[component.name]}.merged"
-            out |= _in_maps(last.map_type.files(last.fused, stem), stem)
+            out |= _files_of(last.map_type, last.fused, stem, unshown)
     return out
 
 
@@ -148,6 +155,16 @@ class Tally:
 
 def json_bytes(document: Mapping[str, Any]) -> bytes:
     return (json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def _files_of(map_type: MapType, map_: Map, stem: str, unshown: dict[str, str] | None) -> dict[str, bytes]:
+    try:
+        return _in_maps(map_type.files(map_, stem), stem)
+    except Exception as error:  # too large to write, or a stranger's code
+        if unshown is None:
+            raise
+        unshown[stem] = f"the map {stem} could not be written: {error or type(error).__name__}"
+        return {}
 
 
 def _in_maps(files: Mapping[str, bytes], stem: str) -> dict[str, bytes]:

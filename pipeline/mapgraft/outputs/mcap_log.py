@@ -40,7 +40,7 @@ class McapLog:
     """Writes one merge recording to a stream; every message carries data time and a number that rises over all topics.
 
     Messages are expected in order of time. Raises OSError when the stream cannot be written, OutputError when a stamp
-    does not fit, PluginError when a map type shows itself in a message that does not exist.
+    does not fit. A map that its type cannot show is left out, and ``unshown`` says why.
     """
 
     def __init__(self, stream: BinaryIO, run_id: str, provenance: RunProvenance) -> None:
@@ -55,6 +55,7 @@ class McapLog:
         self._T_world_map: dict[str, Transform] = {}
         self._shown: dict[str, tuple[str, bool]] = {}  # topic → message type, visible in the layout
         self._sequence = 0
+        self.unshown: dict[str, str] = {}  # prefix of the topic → why the map was left out for the first time
         self._writer: Any = Writer(stream, compression=CompressionType.ZSTD)
         self._writer.start("ros2", f"mapgraft/{provenance.version}")
         self._writer.add_metadata("merge_run", provenance.record(run_id))
@@ -130,6 +131,10 @@ class McapLog:
         sync(self._stream)
         self.durable = self._stream.tell()
 
+    def lost(self, losses: Sequence[Mapping[str, str | int]]) -> None:
+        """What of the recordings could not be used, as the metadata record ``merge_lost``."""
+        self._writer.add_metadata("merge_lost", {"lost": json.dumps(losses)})
+
     def close(self, span_m: tuple[float, float, float] | None = None) -> bytes:
         """Finish the file (the stream stays open); returns the viewer layout that was attached to it.
 
@@ -146,12 +151,19 @@ class McapLog:
     def _map(
         self, prefix: str, frame_id: str, stamp_ns: int, map_type: MapType, map_: Map, visible: bool = True
     ) -> None:
-        for message in map_type.messages(map_):
+        try:
+            messages = list(map_type.messages(map_))
+        except Exception as error:  # too large to show, or a stranger's code
+            self.unshown.setdefault(prefix, f"the map on {prefix} could not be shown: {error or type(error).__name__}")
+            return
+        for message in messages:
             topic = f"{prefix}/{message.suffix}"
             try:
                 data = self._encoder.encode(message.message_type, message.fields, stamp_ns, frame_id)
             except PluginError as error:
-                raise PluginError(f"the map type {map_type.name!r} cannot be shown: {error}") from error
+                why = f"the map type {map_type.name!r} cannot be shown: {error}"
+                self.unshown.setdefault(prefix, f"the map on {prefix} could not be shown: {why}")
+                continue
             body = bytearray(data)
             if self._encoder.begins_with_header(message.message_type):
                 body[_STAMP] = bytes(8)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
@@ -53,6 +53,8 @@ class RunFolder:
         self._standing, self._scene, self._tally = StandingMerges(), Scene(), Tally()
         self._names = file_names()
         self._traffic: dict[tuple[str, str], int] = {}
+        self._lost: list[Mapping[str, str | int]] = []
+        self._unshown: dict[str, str] = {}
         self._watch = Stopwatch()
         self._intact = self._open = True
         with writing(out):
@@ -109,15 +111,28 @@ class RunFolder:
         """Wall clock that a stage of the run took; goes into the table ``timings`` and nowhere else."""
         self._parquet.timed(stage, elapsed_s, count)
 
+    @property
+    def unshown(self) -> list[str]:
+        """Which maps could not be written because their type failed, in sentences; complete after ``finish``."""
+        return [*self._mcap.unshown.values(), *self._unshown.values()]
+
     def carried(self, traffic: Mapping[tuple[str, str], int]) -> None:
         """How many bytes went from each donor to each receiver, for the summary."""
         self._traffic.update(traffic)
+
+    def lost(self, losses: Sequence[Mapping[str, str | int]]) -> None:
+        """What of the recordings could not be used: goes into the summary and into the merge recording's metadata.
+
+        Each says ``where`` (file or robot), ``topic``, ``cause``, ``count``, and in a ``sentence`` what the first was.
+        """
+        self._lost = list(losses)
 
     def finish(self) -> None:
         """Make everything whole, then give every file its final name; nothing of it is half-written at any time."""
         with self._writing():
             with self._watch.stage(WRITING):
                 self._drain()
+                self._mcap.lost(self._lost)
                 layout = self._mcap.close(self._scene.span_m())
                 self._stream.close()
                 self._trajectories.close()
@@ -192,7 +207,7 @@ class RunFolder:
     def _write_files(self, layout: bytes) -> None:
         merges = self._standing.merges
         together = connected(self._scene.robots, merges)
-        files = map_files(self._snapshots, together, self._names)
+        files = map_files(self._snapshots, together, self._names, self._unshown)
         files |= {"transforms.csv": transforms_csv(merges), "layout.json": layout}
         for name, content in files.items():
             self._staging.write(name, content)
@@ -208,6 +223,8 @@ class RunFolder:
                 {"donor": donor, "receiver": receiver, "bytes": size}
                 for (donor, receiver), size in sorted(self._traffic.items())
             ],
+            **({"unshown": self.unshown} if self.unshown else {}),
+            "lost": self._lost,
             "files": [name for name in self._staging.names if "/run_id=" not in name],
         }
         self._staging.write(SUMMARY, json_bytes(summary))  # the last one renamed: who finds it finds all others

@@ -39,13 +39,10 @@ class Ledger:
     def merge(self, merge_id: str, contribution: Contribution) -> None:
         if merge_id in self._contributions:
             raise ReversalError(f"merge {merge_id} is already in the map: replace it or revert it first")
-        self._contributions[merge_id] = contribution
-        self._fused.touch(contribution.region)
+        self._admit(merge_id, contribution, (contribution.region,))
 
     def replace(self, merge_id: str, contribution: Contribution) -> None:
-        self._fused.touch(self._standing(merge_id).region)
-        self._contributions[merge_id] = contribution
-        self._fused.touch(contribution.region)
+        self._admit(merge_id, contribution, (self._standing(merge_id).region, contribution.region))
 
     def revert(self, merge_id: str) -> Exactness:
         self._fused.touch(self._standing(merge_id).region)
@@ -74,6 +71,13 @@ class Ledger:
     @property
     def offered_version(self) -> int:
         return self.version
+
+    def _admit(self, merge_id: str, contribution: Contribution, regions: tuple[Region, ...]) -> None:
+        """Nothing enters that cannot be viewed: the ledger stays as it is when the map type raises."""
+        self._tell()
+        admitted = {**self._contributions, merge_id: contribution}
+        self._fused.advance(self._layer, tuple(admitted.values()), regions)
+        self._contributions = admitted
 
     def _tell(self) -> None:
         """Let both maps know what observations have touched, united once."""

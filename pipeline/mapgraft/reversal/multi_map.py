@@ -48,10 +48,7 @@ class MultiMap:
     def merge(self, merge_id: str, contribution: Contribution) -> None:
         if any(level.merge_id == merge_id for level in self._levels):
             raise ReversalError(f"merge {merge_id} is already in the map: replace it or revert it first")
-        below = self._levels[-1].layer if self._levels else self._layer
-        layer = self._map_type.decode(self._map_type.encode(below))
-        self._map_type.absorb(layer, contribution)
-        self._levels.append(_Level(merge_id, contribution, layer, LazyView(self._map_type)))
+        self._levels.append(self._level(self._levels, merge_id, contribution))
 
     def replace(self, merge_id: str, contribution: Contribution) -> None:
         self._rebuild_from(self._index(merge_id), contribution)
@@ -88,9 +85,18 @@ class MultiMap:
         raise ReversalError(f"merge {merge_id} is not in the map: it was never made or already reverted")
 
     def _rebuild_from(self, index: int, replacement: Contribution | None) -> None:
-        above = self._levels[index:]
-        self._levels = self._levels[:index]
+        """The levels stay as they are when one cannot be built."""
+        levels, above = self._levels[:index], self._levels[index:]
         if replacement is not None:
-            self.merge(above[0].merge_id, replacement)
+            levels.append(self._level(levels, above[0].merge_id, replacement))
         for level in above[1:]:
-            self.merge(level.merge_id, level.contribution)
+            levels.append(self._level(levels, level.merge_id, level.contribution))
+        self._levels = levels
+
+    def _level(self, below: list[_Level], merge_id: str, contribution: Contribution) -> _Level:
+        """The map above these with a contribution baked in; raises what the map type raises when it cannot be."""
+        layer = self._map_type.decode(self._map_type.encode(below[-1].layer if below else self._layer))
+        self._map_type.absorb(layer, contribution)
+        view = LazyView(self._map_type)
+        view.advance(layer, (), ())
+        return _Level(merge_id, contribution, layer, view)

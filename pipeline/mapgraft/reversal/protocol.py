@@ -29,11 +29,14 @@ class Reversal(Protocol):
         ...
 
     def merge(self, merge_id: str, contribution: Contribution) -> None:
-        """Take a contribution in; raises ReversalError when the merge is already there."""
+        """Take a contribution in; raises ReversalError when the merge is already there.
+
+        What the map type raises comes through, and then nothing has changed.
+        """
         ...
 
     def replace(self, merge_id: str, contribution: Contribution) -> None:
-        """Put a newer contribution in the place of a standing one; raises ReversalError when that cannot be done."""
+        """Put a newer contribution in the place of a standing one; raises as ``merge`` does."""
         ...
 
     def revert(self, merge_id: str) -> Exactness:

@@ -39,11 +39,13 @@ class SingleMap:
     def merge(self, merge_id: str, contribution: Contribution) -> None:
         if merge_id in self._foreign:
             raise ReversalError(f"merge {merge_id} is already in the map: revert it first")
+        merged = self._map_type.decode(self._map_type.encode(self._layer))
+        changed = self._map_type.absorb(merged, contribution)
+        self._view.advance(merged, (), (changed,))  # what was raised until here has changed nothing
         if self._before is None:
-            self._before = (self._map_type.decode(self._map_type.encode(self._layer)), self.version)
-        changed = self._map_type.absorb(self._layer, contribution)
+            self._before = (self._layer, self.version)
+        self._layer = merged
         self._foreign[merge_id] = changed
-        self._view.touch(changed)
 
     def replace(self, merge_id: str, contribution: Contribution) -> None:
         raise ReversalError(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from mapgraft.contracts import Contribution, Layer, Map, MapType, Region
+from mapgraft.soundness import sound_map
 
 
 class LazyView:
@@ -26,6 +27,17 @@ class LazyView:
         """Note that the region has changed."""
         if self._map is not None:
             self._touched = region if self._touched is None else self._touched.union(region)
+
+    def advance(self, layer: Layer, contributions: Sequence[Contribution], regions: Iterable[Region]) -> None:
+        """The view with other contributions, which changed these regions; as before when it cannot be made."""
+        touched = self._touched
+        if self._map is None:
+            made = self._map_type.view(layer, contributions)
+        else:
+            for region in regions:
+                touched = region if touched is None else touched.union(region)
+            made = self._map_type.view(layer, contributions, self._map, touched)
+        self._map, self._touched = sound_map(made, self._map_type.name), None
 
     def get(self, layer: Layer, contributions: Sequence[Contribution] = ()) -> Map:
         """The view as of now, equal to a fresh one."""

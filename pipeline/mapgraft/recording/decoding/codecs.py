@@ -18,6 +18,7 @@ from rosbags.typesys.store import Typestore
 
 from mapgraft.contracts.sources import LASER_SCAN, ScanMessage, SchemaText
 from mapgraft.errors import MapgraftError, RecordingError, UsageError
+from mapgraft.recording.decoding.definitions import check_text, check_type
 from mapgraft.recording.decoding.laser_layout import LaserScanReader
 from mapgraft.recording.decoding.names import message_type
 from mapgraft.recording.decoding.scan_fields import SCAN_READERS
@@ -94,6 +95,7 @@ def types_of(schema: SchemaText) -> Typestore:
     store, name = get_typestore(Stores.EMPTY), message_type(schema.name)
     if not _TYPE_NAME.fullmatch(name):  # it becomes part of generated code
         raise RecordingError(f"{name[:80]!r} cannot be the name of a message type")
+    check_text(name, schema.data)
     try:
         text = schema.data.decode()
         if schema.encoding == "ros2idl":
@@ -104,6 +106,7 @@ def types_of(schema: SchemaText) -> Typestore:
         _fill_in(store, get_typestore(Stores.ROS1_NOETIC if schema.encoding == "ros1msg" else Stores.ROS2_HUMBLE))
     except (*UNDECODABLE, SyntaxError) as error:
         raise RecordingError(f"the definition of {name} in the recording cannot be parsed ({error})") from error
+    check_type(name, store.fielddefs)
     return store
 
 

@@ -47,7 +47,7 @@ def _from_cdr(data: Data) -> list[PoseRecord] | None:
         child, at = bytes(data[at + 4 : at + 4 + size]), ((at + size + 7) & ~7) + 4
         x, y, z, qx, qy, qz, qw = _doubles(data, at)
         at += 56
-        names = (_name(frame), _name(child))
+        names = (_cdr_name(frame), _cdr_name(child))
         stamp_ns = seconds * 1_000_000_000 + nanoseconds
         records.append(_new(PoseRecord, (stamp_ns, *names, (x, y, z), (qx, qy, qz, qw), None)))
     return records if 0 <= len(data) - at <= 3 else None
@@ -73,4 +73,11 @@ def _from_ros1(data: Data) -> list[PoseRecord] | None:
 
 @lru_cache(maxsize=4096)
 def _name(encoded: bytes) -> str:
-    return bare_frame(encoded.removesuffix(b"\x00").decode())
+    return bare_frame(encoded.decode())
+
+
+@lru_cache(maxsize=4096)
+def _cdr_name(encoded: bytes) -> str:
+    if not encoded.endswith(b"\x00"):
+        raise struct.error("a name without its end")
+    return bare_frame(encoded[:-1].decode())
