@@ -106,6 +106,13 @@ class Fault:
     count: int
     sentence: str
 
+    @property
+    def text(self) -> str:
+        """The sentence with its topic, where it does not name it itself, and how often that was."""
+        named = not self.topic or self.topic in self.sentence
+        times = f" ({self.count:,} times)" if self.count > 1 else ""
+        return f"{'' if named else f'{self.topic}: '}{self.sentence}{times}"
+
 
 class ReadFaults:
     """What was lost or odd while reading, counted per cause and topic.

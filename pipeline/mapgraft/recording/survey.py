@@ -11,6 +11,7 @@ import numpy as np
 from mapgraft.config import Config
 from mapgraft.contracts import Observation
 from mapgraft.plugins import Plugins
+from mapgraft.recording.losses import Loss, fault_sentences, losses
 from mapgraft.recording.mission import Mission, RobotSource, open_mission
 from mapgraft.recording.poses.rigid import from_transform
 from mapgraft.recording.robots.glimpse import Glimpse
@@ -70,6 +71,7 @@ class Survey:
 
     ``problems`` and ``remarks`` are sentences about the mission; a problem costs observations or robots. Remarks about
     one robot are in its ``source``. ``known_world`` names the robots whose relative poses the recording itself tells.
+    ``lost`` counts what of the problems was lost in files and on topics, for machines.
     """
 
     files: tuple[SurveyedFile, ...]
@@ -79,6 +81,7 @@ class Survey:
     known_world: tuple[str, ...]
     problems: tuple[str, ...]
     remarks: tuple[str, ...]
+    lost: tuple[Loss, ...]
 
 
 def survey(paths: Sequence[Path], config: Config, *, plugins: Plugins | None = None) -> Survey:
@@ -98,7 +101,7 @@ def survey(paths: Sequence[Path], config: Config, *, plugins: Plugins | None = N
         problems = [f"robot {name} cannot be mapped: {reason}" for name, reason in mission.unmappable]
         problems += [sentence for g in mission.glimpses for sentence in g.undecodable]
         problems += tally.sentences()
-        problems += [f"{name}: {fault.sentence}{_times(fault.count)}" for name, fault in mission.faults]
+        problems += fault_sentences(mission)
         return Survey(
             files=tuple(_file(mission, g) for g in mission.all_glimpses),
             robots=robots,
@@ -107,6 +110,7 @@ def survey(paths: Sequence[Path], config: Config, *, plugins: Plugins | None = N
             known_world=tuple(sorted(mission.T_world_map)),
             problems=tuple(problems),
             remarks=tuple(_remarks(mission)),
+            lost=losses(mission),
         )
 
 
@@ -153,10 +157,6 @@ def _file(mission: Mission, g: Glimpse) -> SurveyedFile:
     )
     size = sum(path.stat().st_size for path in paths)
     return SurveyedFile(str(source.path), source.container, size, source.start_ns, source.end_ns, topics)
-
-
-def _times(count: int) -> str:
-    return f" ({count} times)" if count > 1 else ""
 
 
 def _remarks(mission: Mission) -> list[str]:

@@ -193,7 +193,7 @@ def note_damage(faults: ReadFaults, offset: int, content: Content) -> None:
 def note_lost(faults: ReadFaults, offset: int, topic: str, count: int) -> None:
     """Count messages of a topic that are known to lie in the damaged part of a chunk."""
     if count > 0:
-        sentence = f"messages are lost with the chunk at byte {offset}, which is damaged"
+        sentence = f"a message is lost with the chunk at byte {offset}, which is damaged"
         faults.add(MESSAGES_LOST, sentence, topic=topic, place=offset, count=count)
 
 

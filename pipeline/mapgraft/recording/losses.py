@@ -1,0 +1,39 @@
+"""What of a mission's recordings could not be used, counted by file or robot, topic and cause."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mapgraft.recording.mission import Mission
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """Something lost or odd: ``where`` is the name of a file or of a robot, ``topic`` is empty for a file as a whole.
+
+    ``cause`` is a short word for machines, ``sentence`` tells a person what the first of ``count`` was.
+    """
+
+    where: str
+    topic: str
+    cause: str
+    count: int
+    sentence: str
+
+
+def losses(mission: Mission) -> tuple[Loss, ...]:
+    """What was lost so far: of the files as they were read, then of the messages that were to become observations."""
+    of_files = [Loss(name, f.topic, f.cause, f.count, f.sentence) for name, f in mission.faults]
+    of_robots = [
+        Loss(topic.robot, topic.topic, cause, dropped.count, dropped.why)
+        for topic in mission.tally
+        for cause, dropped in topic.dropped.items()
+    ]
+    return (*of_files, *of_robots)
+
+
+def fault_sentences(mission: Mission) -> list[str]:
+    """What was lost or odd in the files, for a person: one sentence per file, topic and cause."""
+    return [f"{name}: {fault.text}" for name, fault in mission.faults]
