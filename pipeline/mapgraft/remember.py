@@ -38,7 +38,7 @@ def recall(folder: Path) -> Remembered:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         files, config = [Path(file) for file in content["files"]], parse_config(content["config"], str(path))
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         raise UsageError(f"{folder} is not the folder of a finished run: it has no readable {MISSION_FILE}") from None
     named = [Path(file) for robot in config.robots.values() for file in robot.files]  # absolute, no patterns any more
     poses = [robot.poses.file for robot in config.robots.values() if robot.poses.file is not None]

@@ -27,6 +27,7 @@ class GridLayer:
         "pool",
         "sensor_model",
         "sensors",
+        "spread",
         "traces",
         "version",
     )
@@ -39,6 +40,7 @@ class GridLayer:
         self.observations = 0
         self.sensors: frozenset[str] = frozenset()
         self.mapper = ""
+        self.spread: tuple[int, int, int, int] | None = None  # tiles that scans have reached: x0, y0, x1, y1
         self.version = 0  # counts every change, so that what was computed from the layer can be kept
 
     @property

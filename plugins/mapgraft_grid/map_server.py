@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, Literal, NamedTuple
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
+from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
 
 from mapgraft.contracts import ConfigError, GridMessage, MapError, Transform
 from mapgraft_grid.grid_map import FREE, LARGEST_DENSE, OCCUPIED, DenseGrid
@@ -20,6 +22,8 @@ FREE_THRESH: Final = 0.196  # below (255 - 205) / 255, so that the gray of unkno
 OCCUPIED_THRESH: Final = 0.65
 UNKNOWN_GRAY: Final = 205  # what map_saver writes for unknown cells
 _LARGEST_YAML: Final = 1 << 20  # bytes
+_DEEPEST: Final = 8  # levels of a description
+_MOST_EVENTS: Final = 1000  # words, numbers and brackets of a description
 
 Cells = NDArray[np.int8]  # (h, w) -1 unknown, 0 free … 100 occupied, row 0 at the bottom
 Warn = Callable[[str], None]
@@ -97,7 +101,9 @@ def _settings(path: Path) -> _Settings:
     try:
         if path.stat().st_size > _LARGEST_YAML:
             raise MapError(f"{path.name} is too large for a map description ({path.stat().st_size} bytes)")
-        found = YAML(typ="safe", pure=True).load(path.read_bytes())
+        data = path.read_bytes()
+        _require_flat(path.name, data)
+        found = YAML(typ="safe", pure=True).load(data)
     except OSError as fault:
         raise MapError(f"the map {path} cannot be read: {fault.strerror}") from fault
     except (YAMLError, ValueError) as fault:
@@ -108,6 +114,15 @@ def _settings(path: Path) -> _Settings:
     if missing:
         raise MapError(f"{path.name} does not say {', '.join(missing)}: a map needs image, resolution and origin")
     return _checked(path.name, found)
+
+
+def _require_flat(name: str, data: bytes) -> None:
+    """A description is a few words and numbers: what nests, or stands for more than it says, is none."""
+    depth = 0
+    for count, event in enumerate(YAML(typ="safe", pure=True).parse(data)):
+        depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
+        if depth > _DEEPEST or count > _MOST_EVENTS or isinstance(event, AliasEvent):
+            raise MapError(f"{name} is no description of a map: it nests, repeats itself or is too long")
 
 
 def _where(fault: Exception) -> str:
@@ -123,33 +138,36 @@ def _checked(name: str, found: dict[str, object]) -> _Settings:
         raise MapError(f"the resolution in {name} must be above 0 m per cell, found {resolution}")
     origin = found["origin"]
     if not isinstance(origin, list) or len(origin) != 3:
-        raise MapError(f"the origin in {name} must be [x, y, yaw], found {origin!r}")
+        raise MapError(f"the origin in {name} must be [x, y, yaw], found {reprlib.repr(origin)}")
     x, y, yaw = (_number(name, "origin", value) for value in origin)
     mode = found.get("mode", "trinary")
     if mode not in ("trinary", "scale", "raw"):
-        raise MapError(f"the mode in {name} must be trinary, scale or raw, found {mode!r}")
+        raise MapError(f"the mode in {name} must be trinary, scale or raw, found {reprlib.repr(mode)}")
     occupied = _number(name, "occupied_thresh", found.get("occupied_thresh", OCCUPIED_THRESH))
     free = _number(name, "free_thresh", found.get("free_thresh", FREE_THRESH))
     if not 0 <= free <= occupied <= 1:
         raise MapError(f"{name} needs 0 ≤ free_thresh ≤ occupied_thresh ≤ 1, found {free} and {occupied}")
     if found.get("negate", 0) not in (0, 1):
-        raise MapError(f"negate in {name} must be 0 or 1, found {found['negate']!r}")
+        raise MapError(f"negate in {name} must be 0 or 1, found {reprlib.repr(found['negate'])}")
     image = found["image"]
     if not isinstance(image, str) or not image:
-        raise MapError(f"the image in {name} must be a file name, found {image!r}")
+        raise MapError(f"the image in {name} must be a file name, found {reprlib.repr(image)}")
     return _Settings(image, resolution, (x, y, yaw), occupied, free, bool(found.get("negate", 0)), mode)
 
 
 def _number(name: str, what: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise MapError(f"{what} in {name} must be a number, found {value!r}")
+        raise MapError(f"{what} in {name} must be a number, found {reprlib.repr(value)}")
     return float(value)
 
 
 def _image_path(path: Path, image: str) -> Path:
     """The image beside the description; a path that leads out of its folder is refused."""
     folder = path.parent.resolve()
-    target = (folder / image).resolve()
+    try:
+        target = (folder / image).resolve()
+    except (OSError, ValueError) as fault:
+        raise MapError(f"the image in {path.name} cannot be the name of a file: {fault}") from fault
     if not target.is_relative_to(folder):
         raise MapError(
             f"{path.name} names the image {image}, which lies outside its folder: copy the image beside it and write "

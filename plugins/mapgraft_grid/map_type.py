@@ -306,5 +306,8 @@ def _quality(seen: GridMap) -> float | None:
     """The quality of a map where any window of it can be judged."""
     from mapgraft_grid.quality import window_quality  # loads its model when it is first asked
 
-    quality = math.nan if seen.is_empty else window_quality(seen.dense()).mean()
+    try:
+        quality = math.nan if seen.is_empty else window_quality(seen.dense()).mean()
+    except MapError:  # too wide to be looked at as a whole
+        return None
     return None if math.isnan(quality) else quality

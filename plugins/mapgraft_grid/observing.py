@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mapgraft.contracts import GridMessage, MapError, Observation, Scan, Transform
 from mapgraft_grid import baking
 from mapgraft_grid.grid_map import LARGEST_DENSE
-from mapgraft_grid.kernels import rays, sketch
+from mapgraft_grid.kernels import rays, sketch, tile_keys
 from mapgraft_grid.kernels.tile_keys import TILE, tile_key
 from mapgraft_grid.layer import FROM_SCANS, READY_MADE, GridLayer
 from mapgraft_grid.parameters import (
@@ -29,6 +29,8 @@ from mapgraft_grid.region import GridRegion
 from mapgraft_grid.tiles import BitRows, Cell, TileKeys, TilePool
 
 _NO_BEAM_POSES: Final = np.zeros((0, 3))
+_MOST_SCATTERED: Final = 4096  # tiles of a rectangle in which a map may lie as it likes
+_SCATTER: Final = 32  # tiles of the rectangle per tile that is mapped: no drive makes more, one wrong pose does
 _MOST_LOOKS: Final = 1 << 31  # per layer, so that no count leaves uint32
 _STRAIGHT: Final = 1e-9  # sine up to which a ready-made map is not turned
 
@@ -77,13 +79,39 @@ def add_scan(layer: GridLayer, observation: Observation, scan: Scan, reach_m: tu
     seen = cells_of(scan, observation.T_map_sensor, lattice, reach_m)
     if isinstance(seen, int):
         raise MapError(_refusal(seen, observation))
+    spread = _spread(layer, seen.keys, observation)
     _remember(observation, lattice, reach_m, Beams(seen.beams, seen.kinds))
     traces.add_pose(observation.T_map_base, layer.observations, lattice)
     layer.pool.count(seen.keys, seen.free, seen.hit)
+    layer.spread = spread
     if traces.limits.rays_per_tile:
         traces.insert_rays(*sketch.pick(seen.directions, seen.beams, seen.kinds, traces.limits.beam_step_rad))
     _note(layer, FROM_SCANS, observation)
     return GridRegion(lattice, seen.keys, seen.free | seen.hit)
+
+
+def _spread(layer: GridLayer, keys: TileKeys, observation: Observation) -> tuple[int, int, int, int] | None:
+    """The tiles that scans have reached, with these; raises MapError when no array could hold what lies between."""
+    before = layer.spread
+    if before is None and len(layer.pool.index):
+        before = tile_keys.spread(layer.pool.index.keys)
+    if not keys.size:
+        return before
+    x0, y0, x1, y1 = tile_keys.spread(keys)
+    if before is not None:
+        x0, y0, x1, y1 = min(x0, before[0]), min(y0, before[1]), max(x1, before[2]), max(y1, before[3])
+    across, up = x1 - x0 + 1, y1 - y0 + 1
+    width, height = across * TILE, up * TILE
+    mapped = len(layer.pool.index) + keys.size
+    scattered = across * up > max(_MOST_SCATTERED, _SCATTER * mapped)
+    if scattered or width * height > LARGEST_DENSE:
+        T, why = observation.T_map_sensor, f"the most is {LARGEST_DENSE:,}"
+        raise MapError(
+            f"a scan of {observation.robot} from ({T.x_m:.6g}, {T.y_m:.6g}) m would stretch its map to {width:,} × "
+            f"{height:,} cells, {'almost all of them empty' if scattered else why}: check its pose, or take a coarser "
+            "resolution_m"
+        )
+    return x0, y0, x1, y1
 
 
 def cells_of(scan: Scan, T_map_sensor: Transform, lattice: Lattice, reach_m: tuple[float, float]) -> Seen | int:

@@ -70,6 +70,7 @@ class Mission:
     def __init__(self, roster: Roster, library: Library, config: Config) -> None:
         self._library = library
         self._config = config.mission
+        self._extent_m = config.limits.extent_m
         self._plans = roster.plans
         self._map_files = roster.map_files
         self.glimpses = roster.glimpses
@@ -174,6 +175,7 @@ class Mission:
             None if config.start_s is None else start_ns + round(config.start_s * S),
             None if config.end_s is None else start_ns + round(config.end_s * S),
             config.every,
+            extent_m=self._extent_m,
         )
 
     def _member(self, plan: RobotPlan) -> Member:
@@ -217,11 +219,16 @@ def open_mission(paths: Sequence[Path], config: Config, *, plugins: Plugins | No
     nothing to map, ConfigError when the configuration speaks of what is not there, TransformError and PluginError from
     what plugins read.
     """
-    library = Library(plugins, config.mission.typestore)
+    library = Library(plugins, config.mission.typestore, config.limits)
     try:
         roster = call_roll(paths, config, library)
         if not roster.plans and not roster.map_files:
             raise RecordingError(nothing_found(roster))
+        if (robots := len(roster.plans) + len(roster.map_files)) > config.limits.robots:
+            raise RecordingError(
+                f"the recording shows {robots:,} robots, each of which would meet all others: give only the files of "
+                f"those that are meant, or raise limits.robots ({config.limits.robots:,})"
+            )
         return Mission(roster, library, config)
     except BaseException:
         library.close()
@@ -241,8 +248,10 @@ def nothing_found(roster: Roster) -> str:
     if reasons:
         return f"nothing to map: {'; '.join(reasons)}"
     held = "; ".join(f"{g.source.path.name} holds {_held(g)}" for g in roster.glimpses) or "no file was given"
+    lost = "".join(f"; {fault.sentence}" for g in roster.glimpses for fault in g.source.faults)
     return (
         f"nothing to map: {held}, but no scans and no maps that can be read: record a LaserScan or OccupancyGrid topic"
+        f"{lost}"
     )
 
 

@@ -12,9 +12,6 @@ from mapgraft.contracts.observations import Scan
 from mapgraft.contracts.sources import ScanMessage
 from mapgraft.errors import RecordingError
 
-MOST_BEAMS = 1 << 20
-"""More beams than any lidar has: a count beyond this is a broken message."""
-
 
 def scan_payload(message: ScanMessage) -> Scan:
     """The beams of a scan message, with the meaning that its fields give them.
@@ -28,8 +25,6 @@ def scan_payload(message: ScanMessage) -> Scan:
     Raises RecordingError when the beams have no finite angles.
     """
     ranges = message.ranges_m.astype(np.float32)  # aligned and our own, unlike the view into the chunk
-    if len(ranges) > MOST_BEAMS:
-        raise RecordingError(f"a scan of {len(ranges)} beams is not believable: the message is broken")
     directions = beam_directions(message.angle_min_rad, message.angle_increment_rad, len(ranges))
     with np.errstate(invalid="ignore", over="ignore"):
         limit = np.float32(message.range_max_m)

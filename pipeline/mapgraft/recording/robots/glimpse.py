@@ -77,11 +77,15 @@ class Glimpse:
 def glimpse(source: Source, payloads: Payloads) -> Glimpse:
     """Look into a source; raises RecordingError when the file cannot be read."""
     usable = [channel for channel in source.channels if channel.decodable and channel.count != 0]
-    seen_payloads = [
-        seen
-        for channel in _one_per_topic(usable)
-        if (kind := payloads.kind_of(channel.message_type)) and (seen := _payload(source, payloads, channel, kind))
-    ]
+    seen_payloads: list[SeenPayload] = []
+    broken: list[str] = []
+    for channel in _one_per_topic(usable):
+        if kind := payloads.kind_of(channel.message_type):
+            seen = _payload(source, payloads, channel, kind)
+            if isinstance(seen, SeenPayload):
+                seen_payloads.append(seen)
+            elif seen:
+                broken.append(f"{channel.topic} ({channel.message_type}) is left out: {seen}")
     sampler = _PoseSampler(source)
     sampler.look([channel for channel in usable if is_static(channel)], everything=True)
     sampler.look([c for c in usable if c.message_type in TF_TYPES | POSE_TYPES and not is_static(c)], everything=False)
@@ -90,7 +94,7 @@ def glimpse(source: Source, payloads: Payloads) -> Glimpse:
         for channel in source.channels
         if not channel.decodable and _concerns_us(channel, payloads)
     )
-    return Glimpse(source, tuple(seen_payloads), sampler.poses(), sampler.edges(), undecodable)
+    return Glimpse(source, tuple(seen_payloads), sampler.poses(), sampler.edges(), (*undecodable, *broken))
 
 
 def is_static(channel: Channel) -> bool:
@@ -110,10 +114,12 @@ def _one_per_topic(channels: Iterable[Channel]) -> list[Channel]:
     return list(found.values())
 
 
-def _payload(source: Source, payloads: Payloads, channel: Channel, kind: str) -> SeenPayload | None:
-    first = _opened(source, payloads, islice(source.messages([channel.topic]), _ENDS))
+def _payload(source: Source, payloads: Payloads, channel: Channel, kind: str) -> SeenPayload | str:
+    """What is seen of a topic, or why nothing is (empty when it has no message)."""
+    faults: list[str] = []
+    first = _opened(source, payloads, islice(source.messages([channel.topic]), _ENDS), faults)
     if not first:
-        return None
+        return faults[0] if faults else ""
     last = _opened(source, payloads, _tail(source, channel.topic))
     times = tuple(stamped for stamped, _ in first)
     return SeenPayload(channel, kind, first[0][1], times, tuple(stamped for stamped, _ in last) or times)
@@ -129,13 +135,17 @@ def times_between(
     return tuple(stamped for stamped, _ in (*first, *last))
 
 
-def _opened(source: Source, payloads: Payloads, messages: Iterable[RawMessage]) -> list[tuple[Stamped, str]]:
+def _opened(
+    source: Source, payloads: Payloads, messages: Iterable[RawMessage], faults: list[str] | None = None
+) -> list[tuple[Stamped, str]]:
     found = []
     for raw in messages:
         try:
             opened = payloads.open(source, raw)
-        except RecordingError:
-            continue  # counted when the recording is replayed
+        except RecordingError as error:  # counted when the recording is replayed
+            if faults is not None:
+                faults.append(str(error))
+            continue
         found.append((Stamped(raw.log_ns, opened.stamp_ns), opened.frame))
     return found
 

@@ -6,11 +6,12 @@ import inspect
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from mapgraft.contracts import ConfigError, RecordingError
+from mapgraft.config import LimitsConfig
+from mapgraft.contracts import ConfigError, GridMessage, MapgraftError, PluginError, RecordingError
 from mapgraft.plugins import Plugins
 from mapgraft.recording.containers.opening import Reader, open_source
 from mapgraft.recording.robots.glimpse import Glimpse, glimpse
-from mapgraft.recording.robots.payloads import Decoder, Payloads
+from mapgraft.recording.robots.payloads import Decoder, Payloads, checked_size
 
 
 class Library:
@@ -19,8 +20,9 @@ class Library:
     ``typestore`` names the rosbags typestore for messages whose definition is not in their file.
     """
 
-    def __init__(self, plugins: Plugins | None, typestore: str) -> None:
+    def __init__(self, plugins: Plugins | None, typestore: str, limits: LimitsConfig | None = None) -> None:
         self._plugins = plugins or Plugins()
+        self._limits = limits or LimitsConfig()
         self._typestore = typestore
         self._glimpses: dict[Path, Glimpse] = {}
         self._readers = [
@@ -32,7 +34,8 @@ class Library:
                 name: (offered.descriptor.gives, self._decoder(offered.descriptor.name))
                 for offered in self._plugins.of_kind("decoder")
                 for name in offered.descriptor.accepts
-            }
+            },
+            self._limits,
         )
 
     def look(self, path: Path) -> Glimpse:
@@ -72,7 +75,15 @@ class Library:
             offered = ", ".join(key for key in known if key not in ("path", "warn")) or "none"
             raise ConfigError(f"the format {name!r} has no option {', '.join(unknown)}: it has {offered}")
         given = {**options, "warn": warn} if "warn" in known else dict(options)
-        return self._plugins.find("format", name).descriptor.gives, read(path, **given)
+        try:
+            payload = read(path, **given)
+        except MapgraftError:
+            raise
+        except Exception as error:  # a stranger's format may fail in any way
+            raise PluginError(f"the format {name!r} failed on {path}: {type(error).__name__}: {error}") from error
+        if isinstance(payload, GridMessage):
+            checked_size(payload, self._limits, str(path))
+        return self._plugins.find("format", name).descriptor.gives, payload
 
     def close(self) -> None:
         """Let go of all files."""
@@ -83,4 +94,13 @@ class Library:
         return lambda: self._plugins.function("decoder", name)
 
     def _reader(self, name: str) -> Callable[[Path], object]:
-        return lambda path: self._plugins.function("reader", name)(path)  # noqa: PLW0108 (not loaded before it is used)
+        def read(path: Path) -> object:
+            function = self._plugins.function("reader", name)  # not loaded before it is used
+            try:
+                return function(path)
+            except MapgraftError:
+                raise
+            except Exception as error:  # a stranger's reader may fail in any way
+                raise PluginError(f"the reader {name!r} failed on {path}: {type(error).__name__}: {error}") from error
+
+        return read

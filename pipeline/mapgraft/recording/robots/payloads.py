@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
-from mapgraft.contracts import GRID_MESSAGE, SCAN, MapgraftError, RecordingError, Transform
+from mapgraft.config import LimitsConfig
+from mapgraft.contracts import GRID_MESSAGE, SCAN, GridMessage, MapgraftError, RecordingError, Transform
 from mapgraft.contracts.sources import CARMEN_LASER_SCAN, SCAN_TYPES, RawMessage, RecordedScan, ScanMessage, Source
 from mapgraft.recording.decoding.grids import grid_payload
 from mapgraft.recording.decoding.names import bare_frame
@@ -63,8 +64,13 @@ class Payloads:
     first message of its type is turned into a payload.
     """
 
-    def __init__(self, kinds: Mapping[str, tuple[str, Callable[[], Decoder]]] | None = None) -> None:
+    def __init__(
+        self,
+        kinds: Mapping[str, tuple[str, Callable[[], Decoder]]] | None = None,
+        limits: LimitsConfig | None = None,
+    ) -> None:
         self._kinds = dict(kinds or {})
+        self._limits = limits or LimitsConfig()
         self._decoders: dict[str, Decoder] = {}
 
     def kind_of(self, message_type: str) -> str | None:
@@ -78,23 +84,43 @@ class Payloads:
     def open(self, source: Source, read: Read) -> Opened:
         """Look into a payload's message; raises RecordingError when the bytes do not fit their type."""
         if isinstance(read, RecordedScan):
-            return _opened_scan(read.scan, None)
+            return self._opened_scan(read.scan, None)
         message_type = read.channel.message_type
         if message_type in SCAN_TYPES:
             placed = _own_place(source, read) if message_type == CARMEN_LASER_SCAN else None
-            return _opened_scan(source.decode_scan(read), placed)
+            return self._opened_scan(source.decode_scan(read), placed)
         message: Any = source.decode(read)
         try:
             stamp, frame = stamp_ns(message.header.stamp), bare_frame(message.header.frame_id)
         except (AttributeError, TypeError, ValueError) as error:
             raise RecordingError(f"a message of type {message_type} has no header ({error})") from error
-        decode = grid_payload if message_type in GRID_TYPES else self._decoder(message_type)
+        decode = self._grid if message_type in GRID_TYPES else self._decoder(message_type)
         return Opened(stamp, frame, 0, 0, None, None, partial(_decoded, decode, message, message_type))
+
+    def _opened_scan(self, scan: ScanMessage, placed: Placed | None) -> Opened:
+        if len(scan.ranges_m) > self._limits.beams:
+            raise RecordingError(
+                f"a scan has {len(scan.ranges_m):,} beams, more than any lidar: raise limits.beams "
+                f"({self._limits.beams:,}) if it is meant so"
+            )
+        return _opened_scan(scan, placed)
+
+    def _grid(self, message: Any) -> GridMessage:
+        return checked_size(grid_payload(message), self._limits, "a map")
 
     def _decoder(self, message_type: str) -> Decoder:
         if message_type not in self._decoders:
             self._decoders[message_type] = self._kinds[message_type][1]()
         return self._decoders[message_type]
+
+
+def checked_size(grid: GridMessage, limits: LimitsConfig, what: str) -> GridMessage:
+    """The grid; raises RecordingError when it has more cells than the limits allow."""
+    if grid.cells.size > limits.grid_cells:
+        raise RecordingError(
+            f"{what} has {grid.cells.size:,} cells: raise limits.grid_cells ({limits.grid_cells:,}) if it is meant so"
+        )
+    return grid
 
 
 def poses_in(source: Source, read: Read) -> Sequence[PoseRecord]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -24,19 +25,24 @@ from mapgraft.recording.timeline.tally import Tally, TopicTally
 LONGEST_SWEEP_NS = 1_000_000_000
 """No planar lidar turns slower than once a second: a longer sweep comes from a wrong ``time_increment``."""
 
+_EARTH_M = 2.1e7
+"""Maps may lie in coordinates of a country or of UTM; those are nowhere larger."""
+
 _IN_PLACE = Placed(IDENTITY, IDENTITY)
 
 
 class Limits(NamedTuple):
     """Which observations are wanted: ``start_ns`` included, ``end_ns`` excluded on the mission's timeline.
 
-    With ``places_only`` they come without their payloads, which saves decoding them.
+    With ``places_only`` they come without their payloads, which saves decoding them. What lies farther than
+    ``extent_m`` from a robot's first observation is left out: one far point must not make a map of the whole world.
     """
 
     start_ns: int | None = None
     end_ns: int | None = None
     every: int = 1
     places_only: bool = False
+    extent_m: float = math.inf
 
 
 class Waiting(NamedTuple):
@@ -106,6 +112,7 @@ class Intake:
             )
             for seen in plan.payloads
         ]
+        self._first_xy: tuple[float, float] | None = None
         self._order_of = {topic.name: k for k, topic in enumerate(self._topics)}
 
     def take(self, source: Source, read: Read) -> Waiting | None:
@@ -196,8 +203,11 @@ class Intake:
         if isinstance(payload, Missing):
             topic.tally.drop(payload.cause, waiting.robot_ns, payload.sentence)
             return None
-        topic.tally.used += 1
         T_map_base, T_map_sensor = placed
+        if (far := self._too_far(T_map_sensor)) is not None:
+            topic.tally.drop("far_away", waiting.robot_ns, far)
+            return None
+        topic.tally.used += 1
         if self._T_anchor_map is not None:
             T_map_base = compose(self._T_anchor_map, T_map_base)
             T_map_sensor = compose(self._T_anchor_map, T_map_sensor)
@@ -210,6 +220,24 @@ class Intake:
             payload,
             to_transform(T_map_sensor),
             to_transform(T_map_base),
+        )
+
+    def _too_far(self, T_map_sensor: Pose7) -> str | None:
+        """Why an observation lies too far from the robot's first, or None."""
+        x, y = T_map_sensor[0], T_map_sensor[1]
+        if self._first_xy is None:
+            if math.hypot(x, y) > _EARTH_M:
+                return (
+                    f"its pose lies {math.hypot(x, y):.6g} m from the origin of its frame, farther than any place"
+                )
+            self._first_xy = (x, y)
+            return None
+        away_m = math.hypot(x - self._first_xy[0], y - self._first_xy[1])
+        if away_m <= self._limits.extent_m:
+            return None
+        return (
+            f"its pose lies {away_m:.6g} m from the robot's first: raise limits.extent_m ({self._limits.extent_m:g}) "
+            "if the robot went so far"
         )
 
     def _place(self, topic: _Topic, waiting: Waiting) -> Placed | Missing:
