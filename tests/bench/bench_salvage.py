@@ -102,7 +102,7 @@ class Outcome(NamedTuple):
 
 
 def outcome(path: Path, intact: list[ChunkRange], told: list[Seen]) -> Outcome:
-    start = time.perf_counter()
+    start = time.process_time()
     with McapSource(path) as source:
         found = [(message.log_ns, crc32(message.data)) for message in source.messages()]
         causes = ", ".join(f"{fault.cause} {fault.topic} {fault.count}" for fault in source.faults)
@@ -110,7 +110,7 @@ def outcome(path: Path, intact: list[ChunkRange], told: list[Seen]) -> Outcome:
     expected = Counter(seen for chunk in intact for seen in chunk.messages)
     counted = Counter(found)
     missing, strangers = (expected - counted).total(), (counted - Counter(told)).total()
-    return Outcome(expected.total(), len(found), missing, strangers, causes, time.perf_counter() - start)
+    return Outcome(expected.total(), len(found), missing, strangers, causes, time.process_time() - start)
 
 
 def show(what: str, outcomes: list[Outcome]) -> bool:
@@ -120,7 +120,7 @@ def show(what: str, outcomes: list[Outcome]) -> bool:
     print(
         f"{what}: {len(outcomes)} places, {expected} messages in intact chunks, {missing} of them missing, "
         f"{found - expected + missing} more from beginnings of broken chunks, {strangers} never written; "
-        f"slowest {slowest:.1f} s"
+        f"slowest {slowest:.1f} s of processor time"
     )
     return not missing and not strangers
 

@@ -136,7 +136,7 @@ def test_databases_that_are_no_bags(tmp_path: Path, write_bag: Any) -> None:
         SqliteSource(other)
     path, _ = write_bag()
     whole = (path / "made.db3").read_bytes()
-    for length in (0, 10, 100, len(whole) // 2, len(whole) - 4096):
+    for length in (0, 10, 100, 5000):
         (path / "made.db3").write_bytes(whole[:length])
         with pytest.raises(
             RecordingError, match=r"made.db3 (is empty|is not a database|cannot be read as a ROS 2 bag)"

@@ -15,6 +15,7 @@ from typing import Self
 from mapgraft.contracts.sources import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText, Source
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.bag_metadata import BagLayout, read_layout
+from mapgraft.recording.containers.limits import DEFAULT_LIMITS, ReadLimits
 from mapgraft.recording.containers.mcap_file import McapSource
 from mapgraft.recording.containers.scanning import scans_of
 from mapgraft.recording.containers.sqlite_file import SqliteSource
@@ -30,8 +31,9 @@ class BagFolderSource:
 
     container = "rosbag2"
 
-    def __init__(self, path: Path, *, typestore: str = DEFAULT_TYPESTORE) -> None:
+    def __init__(self, path: Path, *, typestore: str = DEFAULT_TYPESTORE, limits: ReadLimits = DEFAULT_LIMITS) -> None:
         self.path = path
+        self._limits = limits
         self._own_faults = ReadFaults()
         layout = read_layout(path, self._own_faults)
         self._workspace = tempfile.TemporaryDirectory() if layout.compression == "file" else None
@@ -53,8 +55,10 @@ class BagFolderSource:
         problems: list[RecordingError] = []
         for file in layout.files:
             try:
-                stored = file if self._workspace is None else unpack_file(file, Path(self._workspace.name))
-                parts.append(_open_storage(stored, typestore))
+                stored = file
+                if self._workspace is not None:
+                    stored = unpack_file(file, Path(self._workspace.name), self._limits)
+                parts.append(_open_storage(stored, typestore, self._limits))
             except RecordingError as error:
                 problems.append(error)
                 self._own_faults.add("part_unreadable", str(error), place=len(problems))
@@ -86,7 +90,9 @@ class BagFolderSource:
         self, part: int, topics: Collection[str] | None, start_ns: int | None, end_ns: int | None
     ) -> Iterator[RawMessage]:
         for channel, log_ns, data in self._parts[part].messages(topics, start_ns, end_ns):
-            plain = unpack_message(data, self._own_faults, channel.topic, log_ns) if self._packed_messages else data
+            plain: bytes | memoryview | None = data
+            if self._packed_messages:
+                plain = unpack_message(data, self._own_faults, channel.topic, log_ns, self._limits)
             if plain is not None:
                 yield RawMessage(self.channels[self._merged_id[part, channel.id]], log_ns, plain)
 
@@ -131,10 +137,10 @@ class BagFolderSource:
         self.close()
 
 
-def _open_storage(file: Path, typestore: str) -> Source:
+def _open_storage(file: Path, typestore: str, limits: ReadLimits) -> Source:
     if file.suffix == ".db3":
-        return SqliteSource(file, typestore=typestore)
-    return McapSource(file, typestore=typestore)
+        return SqliteSource(file, typestore=typestore, limits=limits)
+    return McapSource(file, typestore=typestore, limits=limits)
 
 
 def _merged(parts: Sequence[Sequence[Channel]]) -> tuple[tuple[Channel, ...], dict[tuple[int, int], int]]:

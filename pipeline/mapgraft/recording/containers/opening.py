@@ -10,6 +10,7 @@ from typing import NamedTuple
 from mapgraft.contracts.sources import Source
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.carmen_lines import KEYWORDS
+from mapgraft.recording.containers.limits import DEFAULT_LIMITS, ReadLimits
 from mapgraft.recording.containers.text_lines import GZIP_MAGIC
 from mapgraft.recording.containers.tum_file import pose_of
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, known_typestore
@@ -27,11 +28,18 @@ class Reader(NamedTuple):
     open: Callable[[Path], object]
 
 
-def open_source(path: str | Path, *, typestore: str | None = None, readers: Sequence[Reader] = ()) -> Source:
+def open_source(
+    path: str | Path,
+    *,
+    typestore: str | None = None,
+    readers: Sequence[Reader] = (),
+    limits: ReadLimits = DEFAULT_LIMITS,
+) -> Source:
     """Open one recording: a file, or the folder of a ROS 2 bag.
 
     ``typestore`` names the rosbags typestore for ROS 2 messages whose definition is not in the file (default
-    ``ros2_humble``). ``readers`` come first for files with their suffixes. Raises RecordingError when the file is
+    ``ros2_humble``). ``readers`` come first for files with their suffixes. ``limits``
+    bound what a container may unpack to. Raises RecordingError when the file is
     missing, empty, unreadable or no recording, and UsageError for an unknown typestore.
     """
     path, types = Path(path), known_typestore(typestore or DEFAULT_TYPESTORE).value
@@ -47,8 +55,8 @@ def open_source(path: str | Path, *, typestore: str | None = None, readers: Sequ
     if is_folder:
         from mapgraft.recording.containers.bag_folder import BagFolderSource
 
-        return BagFolderSource(path, typestore=types)
-    return _open_file(path, _head(path), types)
+        return BagFolderSource(path, typestore=types, limits=limits)
+    return _open_file(path, _head(path), types, limits)
 
 
 def _checked(source: object, path: Path) -> Source:
@@ -70,27 +78,27 @@ def _head(path: Path) -> bytes:
     return head
 
 
-def _open_file(path: Path, head: bytes, typestore: str) -> Source:
+def _open_file(path: Path, head: bytes, typestore: str, limits: ReadLimits) -> Source:
     """Open by the first bytes; the readers are imported when they are needed."""
     if head.startswith(b"\x89MCAP"):
         from mapgraft.recording.containers.mcap_file import McapSource
 
-        return McapSource(path, typestore=typestore)
+        return McapSource(path, typestore=typestore, limits=limits)
     if head.startswith((b"#ROSBAG V", b"#ROSRECORD V")):
         from mapgraft.recording.containers.bag_file import BagSource
 
-        return BagSource(path, typestore=typestore)
+        return BagSource(path, typestore=typestore, limits=limits)
     if head.startswith(b"SQLite format 3\0"):
         from mapgraft.recording.containers.sqlite_file import SqliteSource
 
-        return SqliteSource(path, typestore=typestore)
+        return SqliteSource(path, typestore=typestore, limits=limits)
     for magic, tool in _PACKED.items():
         if head.startswith(magic):
             raise RecordingError(f"{path} is compressed as a whole: unpack it first ({tool})")
-    return _open_text(path, head)
+    return _open_text(path, head, typestore, limits)
 
 
-def _open_text(path: Path, head: bytes) -> Source:
+def _open_text(path: Path, head: bytes, typestore: str, limits: ReadLimits) -> Source:
     text = _unzipped(path, head)
     if text.startswith((b"\x89MCAP", b"#ROSBAG V", b"SQLite format 3\0")):
         raise RecordingError(f"{path} is compressed as a whole: unpack it first (gunzip)")
@@ -103,6 +111,19 @@ def _open_text(path: Path, head: bytes) -> Source:
         from mapgraft.recording.containers.tum_file import TumSource
 
         return TumSource(path)
+    return _open_by_name(path, typestore, limits)
+
+
+def _open_by_name(path: Path, typestore: str, limits: ReadLimits) -> Source:
+    """A file whose first bytes tell nothing may still be one whose beginning is damaged."""
+    if path.name.endswith(".mcap"):
+        from mapgraft.recording.containers.mcap_file import McapSource
+
+        return McapSource(path, typestore=typestore, limits=limits)
+    if path.name.endswith((".bag", ".bag.active")):
+        from mapgraft.recording.containers.bag_file import BagSource
+
+        return BagSource(path, typestore=typestore, limits=limits)
     raise RecordingError(f"{path} is not a recording that can be read here ({_KINDS})")
 
 

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import sqlite3
 import weakref
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple, Self
+from typing import Self
 
 from mapgraft.contracts.sources import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText
 from mapgraft.errors import RecordingError
+from mapgraft.recording.containers.chunks import MESSAGES_LOST
 from mapgraft.recording.containers.latching import keeps_last
+from mapgraft.recording.containers.limits import DEFAULT_LIMITS, ReadLimits
 from mapgraft.recording.containers.scanning import scans_of
 from mapgraft.recording.containers.selection import Wanted, wanted
+from mapgraft.recording.containers.sqlite_salvage import SalvagedBag
+from mapgraft.recording.containers.sqlite_topics import Topic, read_topics
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, Undecodable, codec_for
 from mapgraft.recording.decoding.names import message_type
 
@@ -21,73 +25,84 @@ MAGIC = b"SQLite format 3\0"
 
 _INT64 = 2**63
 _TABLES = "SELECT name FROM sqlite_master WHERE type = 'table'"
-_DEFINITIONS = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions ORDER BY id DESC"
 _COUNTS = "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages GROUP BY topic_id"
 _ROWS = """
-    SELECT id, topic_id, timestamp, data FROM messages {}
-    WHERE (timestamp, id) > (?, ?) AND timestamp BETWEEN ? AND ? AND topic_id IN ({{}}) ORDER BY {}
+    SELECT id, topic_id, timestamp, data FROM messages
+    WHERE (timestamp, id) > (?, ?) AND timestamp BETWEEN ? AND ? AND topic_id IN ({}) ORDER BY timestamp, id
 """
-_BY_TIME = _ROWS.format("", "timestamp, id")
-_BY_ID = _ROWS.format("NOT INDEXED", "id")
 
 
 class SqliteSource:
     """One .db3 file. Raises RecordingError when it is empty, no database, or not one of a ROS 2 bag.
 
-    Message types come from the file where it has them (recorders since 2023) and else from ``typestore``. A database
-    that is damaged in the middle is read as far as possible; ``faults`` says so.
+    Message types come from the file where it has them (recorders since 2023) and else from ``typestore``. Of a
+    database that was cut off or damaged the rows of all pages that are left are read; ``faults`` says so.
     """
 
     container = "rosbag2"
 
-    def __init__(self, path: Path, *, typestore: str = DEFAULT_TYPESTORE) -> None:
+    def __init__(self, path: Path, *, typestore: str = DEFAULT_TYPESTORE, limits: ReadLimits = DEFAULT_LIMITS) -> None:
         self.path = path
         self.faults = ReadFaults()
+        self._limits = limits
+        self._salvaged: SalvagedBag | None = None
         self._database = _open(path, self.faults)
         weakref.finalize(self, self._database.close)
         self._codecs: dict[int, Codec] = {}
         self._schemas: dict[int, SchemaText] = {}
-        try:
-            self._tables = {name for (name,) in self._database.execute(_TABLES)}
-            if not {"topics", "messages"} <= self._tables:
-                raise RecordingError(f"{path} is a database but no ROS 2 bag: it has no tables of topics and messages")
-            counts = self._count()
-            self.channels = tuple(self._channel(topic, counts, typestore) for topic in self._topics())
-        except sqlite3.Error as error:
-            self._database.close()
-            raise RecordingError(
-                f"{path} cannot be read as a ROS 2 bag ({error}): if it was cut off, "
-                f"'sqlite3 {path.name} .recover' may help"
-            ) from error
+        topics, counts = self._contents()
+        self.channels = tuple(self._channel(topic, counts, typestore) for topic in topics)
 
-    def _topics(self) -> list[_Topic]:
-        definitions = {}
-        if "message_definitions" in self._tables:
-            rows = self._database.execute(_DEFINITIONS)
-            definitions = {name: (encoding, text.encode()) for name, encoding, text in rows}
-        columns = {row[1] for row in self._database.execute("PRAGMA table_info(topics)")}
-        qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
-        rows = self._database.execute(f"SELECT id, name, type, serialization_format, {qos} FROM topics ORDER BY id")
-        return [
-            _Topic(number, topic, SchemaText(kind, *definitions.get(kind, ("ros2msg", b""))), encoding, str(profiles))
-            for number, topic, kind, encoding, profiles in rows
-        ]
-
-    def _count(self) -> dict[int, int] | None:
-        """Messages per topic, and the times of the first and the last; None where damage forbids counting."""
+    def _contents(self) -> tuple[Sequence[Topic], Mapping[int, int]]:
+        """The topics, and how many messages each has; sets the times of the first and the last."""
         self.start_ns: int | None = None
         self.end_ns: int | None = None
         try:
+            tables = {name for (name,) in self._database.execute(_TABLES)}
+            if not {"topics", "messages"} <= tables:
+                self._database.close()
+                raise RecordingError(
+                    f"{self.path} is a database but no ROS 2 bag: it has no tables of topics and messages"
+                )
+            topics = read_topics(self._database, tables)
             rows = self._database.execute(_COUNTS).fetchall()
-        except sqlite3.Error as error:
-            self._note_damage(error)
-            return None
+            if not all(isinstance(value, int) for row in rows for value in row):
+                raise TypeError("times and topics must be numbers")
+        except (sqlite3.Error, UnicodeDecodeError, AttributeError, TypeError) as error:
+            salvaged = self._salvage(error)
+            self.start_ns, self.end_ns = salvaged.span_ns
+            return salvaged.topics, salvaged.counts
         if rows:
             self.start_ns = min(start_ns for _, _, start_ns, _ in rows)
             self.end_ns = max(end_ns for _, _, _, end_ns in rows)
-        return {number: count for number, count, _, _ in rows}
+        return topics, {number: count for number, count, _, _ in rows}
 
-    def _channel(self, topic: _Topic, counts: dict[int, int] | None, typestore: str) -> Channel:
+    def _salvage(self, error: Exception) -> SalvagedBag:
+        """What the pages hold, from now on read without SQLite; raises RecordingError when that is no bag."""
+        if self._salvaged is None:
+            sentence = f"the database is damaged or cut off ({error}): the rows that are left in its pages are read"
+            self.faults.add("database_damaged", sentence, place=0)
+            try:
+                self._salvaged = SalvagedBag(self.path, self._limits)
+            except ValueError as broken:
+                self._database.close()
+                raise RecordingError(f"{self.path} cannot be read as a ROS 2 bag ({broken})") from error
+            if not self._salvaged.topics:
+                self._database.close()
+                raise RecordingError(
+                    f"{self.path} cannot be read as a ROS 2 bag ({error}), and no topic is left in it"
+                ) from error
+        return self._salvaged
+
+    def _note_missing(self, salvaged: SalvagedBag) -> None:
+        """Count the messages that the database knows of and whose pages are gone."""
+        for channel in self.channels:
+            missing = (channel.count or 0) - salvaged.counts[channel.id]
+            if missing > 0:
+                sentence = "a message of the database is lost with its page"
+                self.faults.add(MESSAGES_LOST, sentence, topic=channel.topic, place=-1 - channel.id, count=missing)
+
+    def _channel(self, topic: Topic, counts: Mapping[int, int], typestore: str) -> Channel:
         self._schemas[topic.id] = topic.schema
         codec = codec_for(topic.encoding, topic.schema, typestore)
         if not isinstance(codec, Undecodable):
@@ -97,7 +112,7 @@ class SqliteSource:
             topic.name,
             message_type(topic.schema.name),
             topic.encoding,
-            None if counts is None else counts.get(topic.id, 0),
+            counts.get(topic.id, 0),
             keeps_last(topic.qos),
             not isinstance(codec, Undecodable),
             codec.why_not if isinstance(codec, Undecodable) else "",
@@ -113,27 +128,32 @@ class SqliteSource:
         """See ``Source.messages``; a database holds its messages by time, so memory is bounded by one message."""
         want = wanted(self.channels, topics, start_ns, end_ns)
         last = (want.start_ns, -1)  # (log time, row) of the last message given
-        for query in (_BY_TIME, _BY_ID):
+        if self._salvaged is None:
             try:
-                for row, message in self._rows(query, want, last):
+                for row, message in self._rows(want, last):
                     last = (message.log_ns, row)
                     yield message
                 return
-            except sqlite3.Error as error:  # then what lies behind the damage, in the order of recording
-                self._note_damage(error)
+            except (sqlite3.Error, TypeError, KeyError) as error:
+                if isinstance(error, sqlite3.ProgrammingError):
+                    raise RecordingError(f"{self.path} was closed while it was still being read") from error
+                self._note_missing(self._salvage(error))
+        if self._salvaged is not None:
+            for _, message in self._salvaged.messages(want, last, self.faults):
+                yield message
 
-    def _rows(self, query: str, want: Wanted, after: tuple[int, int]) -> Iterator[tuple[int, RawMessage]]:
+    def _rows(self, want: Wanted, after: tuple[int, int]) -> Iterator[tuple[int, RawMessage]]:
         """Rows and messages that come after a (log time, row)."""
         if not want.channels:
             return
         marks = ",".join("?" * len(want.channels))
         window = (max(after[0], -_INT64), after[1], max(want.start_ns, -_INT64), min(want.end_ns, _INT64 - 1))
-        for row, number, log_ns, data in self._database.execute(query.format(marks), (*window, *want.channels)):
-            yield row, RawMessage(want.channels[number], log_ns, data)
-
-    def _note_damage(self, error: sqlite3.Error) -> None:
-        sentence = f"the database is damaged ({error}): what can still be reached is read"
-        self.faults.add("database_damaged", sentence, place=0)
+        for row, number, log_ns, data in self._database.execute(_ROWS.format(marks), (*window, *want.channels)):
+            if isinstance(log_ns, int) and isinstance(data, bytes):
+                yield row, RawMessage(want.channels[number], log_ns, data)
+            else:
+                sentence = f"row {row} of the messages holds no time or no bytes: it is left out"
+                self.faults.add("row_broken", sentence, topic=want.channels[number].topic, place=row)
 
     def scans(
         self, topics: Collection[str] | None = None, start_ns: int | None = None, end_ns: int | None = None
@@ -160,14 +180,6 @@ class SqliteSource:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-class _Topic(NamedTuple):
-    id: int
-    name: str
-    schema: SchemaText
-    encoding: str
-    qos: str
 
 
 def _open(path: Path, faults: ReadFaults) -> sqlite3.Connection:

@@ -1,0 +1,34 @@
+"""What the table of topics of a .db3 file tells."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Collection
+from typing import NamedTuple
+
+from mapgraft.contracts.sources import SchemaText
+
+_DEFINITIONS = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions ORDER BY id DESC"
+
+
+class Topic(NamedTuple):
+    id: int
+    name: str
+    schema: SchemaText
+    encoding: str
+    qos: str
+
+
+def read_topics(database: sqlite3.Connection, tables: Collection[str]) -> list[Topic]:
+    """The topics of an open database that has these tables; raises sqlite3.Error when they cannot be read."""
+    definitions = {}
+    if "message_definitions" in tables:
+        rows = database.execute(_DEFINITIONS)
+        definitions = {name: (encoding, text.encode()) for name, encoding, text in rows}
+    columns = {row[1] for row in database.execute("PRAGMA table_info(topics)")}
+    qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
+    rows = database.execute(f"SELECT id, name, type, serialization_format, {qos} FROM topics ORDER BY id")
+    return [
+        Topic(number, topic, SchemaText(kind, *definitions.get(kind, ("ros2msg", b""))), encoding, str(profiles))
+        for number, topic, kind, encoding, profiles in rows
+    ]

@@ -1,0 +1,157 @@
+"""Databases of ROS 2 bags that were cut off or damaged: the rows of all pages that are left are read."""
+
+from __future__ import annotations
+
+import random
+import sqlite3
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from mapgraft.contracts.sources import Source
+from mapgraft.errors import RecordingError
+from mapgraft.recording.containers.bag_folder import BagFolderSource
+from mapgraft.recording.containers.sqlite_file import SqliteSource
+
+THOROUGH = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+PAGE = 4096
+TABLES = """
+CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, serialization_format TEXT NOT NULL,
+  offered_qos_profiles TEXT NOT NULL);
+CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL,
+  data BLOB NOT NULL);
+CREATE INDEX timestamp_idx ON messages (timestamp ASC);
+"""
+
+Row = tuple[str, int, bytes]
+
+
+class Bag:
+    """A database, what it holds, and by log time the pages that each message lies on."""
+
+    def __init__(self, whole: bytes, rows: list[Row], pages: dict[int, set[int]]) -> None:
+        self.whole, self.rows, self.pages = whole, rows, pages
+
+
+def given_by(source: Source) -> list[Row]:
+    return [(m.channel.topic, m.log_ns, bytes(m.data)) for m in source.messages()]
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Bag:
+    """A database of 400 messages of 20 to 20 000 bytes on two topics, written in transactions as a recorder does."""
+    path, seeds, rows = tmp_path_factory.mktemp("bag") / "made.db3", random.Random(3), list[Row]()
+    database = sqlite3.connect(path)
+    database.execute(f"PRAGMA page_size={PAGE}")
+    database.executescript(TABLES)
+    topics = {1: "/a", 2: "/b"}
+    for number, name in topics.items():
+        values = (number, name, "sensor_msgs/msg/LaserScan", "cdr", "")
+        database.execute("INSERT INTO topics VALUES (?, ?, ?, ?, ?)", values)
+    for n in range(400):
+        topic = 1 + n % 2
+        data = seeds.randbytes(seeds.choice([20, 90, 700, 3000, 20_000]))
+        database.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)", (topic, 10 * n, data))
+        rows.append((topics[topic], 10 * n, data))
+        if n % 25 == 0:
+            database.commit()
+    database.commit()
+    database.close()
+    whole = path.read_bytes()
+    return Bag(whole, rows, {log_ns: pages_of(whole, data) for _, log_ns, data in rows})
+
+
+def pages_of(whole: bytes, data: bytes) -> set[int]:
+    """The pages that a message lies on: its pieces are random, so each is found where it is and nowhere else."""
+    found, at = set[int](), 0
+    while at < len(data):
+        where = whole.index(data[at : at + 20])
+        found.add(where // PAGE)
+        there = where
+        while at < len(data) and there // PAGE == where // PAGE and whole[there] == data[at]:
+            at, there = at + 1, there + 1
+    return found
+
+
+@THOROUGH
+@given(where=st.floats(0.05, 1))
+def test_cut_anywhere(bag: Bag, tmp_path: Path, where: float) -> None:
+    length = int(where * (len(bag.whole) - 1))
+    path = tmp_path / "cut.db3"
+    path.write_bytes(bag.whole[:length])
+    expected = [row[1] for row in bag.rows if max(bag.pages[row[1]]) < length // PAGE]
+    with SqliteSource(path) as source:
+        found = given_by(source)
+        assert [row[1] for row in found] == expected
+        assert set(found) <= set(bag.rows)
+        assert [row[1] for row in given_by(source)] == expected
+        assert {c.topic for c in source.channels} == {"/a", "/b"}
+        assert source.faults.count("database_damaged") == 1
+        counted = sum(c.count or 0 for c in source.channels)
+        assert counted == len(found) + source.faults.count("messages_lost")
+
+
+@THOROUGH
+@given(hits=st.sets(st.integers(8, 250), min_size=1, max_size=5))
+def test_pages_overwritten(bag: Bag, tmp_path: Path, hits: set[int]) -> None:
+    """Only rows with a part on such a page are lost, and no other is given in their place."""
+    hurt, known = bytearray(bag.whole), set(bag.rows)
+    for page in hits:
+        hurt[page * PAGE : (page + 1) * PAGE] = b"\xee" * PAGE
+    path = tmp_path / "hurt.db3"
+    path.write_bytes(hurt)
+    with SqliteSource(path) as source:
+        found = Counter(given_by(source))
+    for row in bag.rows:
+        if not bag.pages[row[1]] & hits:
+            assert found[row] == 1
+    assert {row[:2] for row in found} <= {row[:2] for row in bag.rows}
+    assert all(bag.pages[row[1]] & hits for row in found if row not in known)
+
+
+def test_a_cut_database_in_a_folder_without_metadata(bag: Bag, tmp_path: Path) -> None:
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    (folder / "bag_0.db3").write_bytes(bag.whole[: len(bag.whole) // 2])
+    with BagFolderSource(folder) as source:
+        found = given_by(source)
+        assert found == [row for row in bag.rows if row in found]
+        assert len(bag.rows) // 3 < len(found) < len(bag.rows)
+        assert {f.cause for f in source.faults} >= {"database_damaged", "metadata_missing"}
+
+
+def test_rows_that_hold_something_else(bag: Bag, tmp_path: Path) -> None:
+    path = tmp_path / "odd.db3"
+    path.write_bytes(bag.whole)
+    database = sqlite3.connect(path)
+    database.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES (1, 55, 'text')")
+    database.commit()
+    with SqliteSource(path) as source:
+        assert given_by(source) == bag.rows
+        assert source.faults.count("row_broken") == 1
+    database.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES (1, 'noon', x'00')")
+    database.commit()
+    database.close()
+    with SqliteSource(path) as source:
+        assert given_by(source) == bag.rows
+
+
+def test_loops_and_lies_end(bag: Bag, tmp_path: Path) -> None:
+    """Overflow pages that lead back to themselves, sizes and counts beyond the file."""
+    seeds = random.Random(9)
+    for _ in range(60):
+        hurt = bytearray(bag.whole)
+        for _ in range(40):
+            page = seeds.randrange(3, len(bag.whole) // PAGE)
+            at = page * PAGE + seeds.randrange(0, 12)
+            hurt[at : at + 4] = seeds.choice([b"\xff" * 4, (page + 1).to_bytes(4, "big"), b"\r\x00\x00\xff"])
+        path = tmp_path / "lies.db3"
+        path.write_bytes(hurt)
+        try:
+            with SqliteSource(path) as source:
+                assert len(given_by(source)) <= 2 * len(bag.rows)
+        except RecordingError as error:
+            assert "cannot be read as a ROS 2 bag" in str(error)
