@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from mapgraft.contracts.sources import ReadFaults
@@ -125,7 +125,7 @@ class BagWalk:
 
     def _chunk(self, record: BagRecord) -> BagRecord:
         """A chunk that is cut, never finished (it says that it is empty), or says a wrong length."""
-        following = next_beginning(self._view, record.begin)
+        following = next_beginning(self._view, record.begin, _BEGINNINGS[:1])  # chunks may hold connections
         size = number(record.fields, b"size")
         if record.whole and record.end - record.begin and following >= record.end:
             return record  # what comes behind it is damaged
@@ -160,15 +160,18 @@ def may_begin(view: memoryview, at: int) -> bool:
     record = next(bag_records(view, at, stop), None)
     if record is not None:
         return _has_its_fields(record.op, record.fields)
-    return stop - at < _LONGEST_HEADER  # the end cuts a header
+    if stop - at < 4:
+        return True
+    (header_bytes,) = _uint32(view, at)
+    return bool(header_bytes <= _LONGEST_HEADER and at + 8 + header_bytes > stop)  # the end cuts a header
 
 
-def next_beginning(view: memoryview, at: int) -> int:
+def next_beginning(view: memoryview, at: int, marks: Sequence[bytes] = _BEGINNINGS) -> int:
     """Where the next chunk or connection begins; the end of the bag when there is none."""
     begin, stop, width = at, len(view), _FIRST_WINDOW_BYTES
     while begin < stop:
         window = bytes(view[begin : min(begin + width + len(_BEGINNINGS[0]), stop)])
-        for place in sorted(place for mark in _BEGINNINGS for place in _places_of(mark, window)):
+        for place in sorted(place for mark in marks for place in _places_of(mark, window)):
             start = _header_around(view, begin + place, at)
             if start is not None:
                 return start
@@ -190,6 +193,8 @@ def _header_around(view: memoryview, mark: int, least: int) -> int | None:
         if start < least or not before + 8 <= _uint32(view, start)[0] <= _LONGEST_HEADER:
             continue
         record = next(bag_records(view, start, len(view)), None)
-        if record is not None and record.op == view[mark + 7] and _has_its_fields(record.op, record.fields):
+        if record is None or record.op != view[mark + 7] or not _has_its_fields(record.op, record.fields):
+            continue
+        if record.op == OP_CHUNK or (record.whole and may_begin(view, record.end)):
             return start
     return None
