@@ -148,11 +148,14 @@ class MissionConfig(Section):
 class LimitsConfig(Section):
     """How much is taken from a recording and from plugins that may be broken or hostile; all else goes on.
 
-    ``beams`` of one scan and ``grid_cells`` of one ready-made map; ``robots`` of one mission; ``extent_m`` is how far
+    ``chunk_bytes`` is what one chunk or compressed message may unpack to, ``expansion`` how many times its own size a
+    file may; ``beams`` of one scan and ``grid_cells`` of one ready-made map; ``robots`` of one mission; ``extent_m`` is how far
     from a robot's first observation its others may lie. ``plugin_s`` is how long one call of a plugin may take by the
-    clock, and after ``failures`` failures in a row, or one that took too long, it is not asked again.
+    clock, and after ``failures`` failures, or one that took too long, it is not asked again.
     """
 
+    chunk_bytes: Annotated[int, Field(ge=1)] = 128 << 20
+    expansion: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1000.0
     beams: Annotated[int, Field(ge=1)] = 1 << 20
     grid_cells: Annotated[int, Field(ge=1)] = 400_000_000
     robots: Annotated[int, Field(ge=1)] = 100

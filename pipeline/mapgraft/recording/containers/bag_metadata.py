@@ -6,14 +6,20 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePath
+from typing import Any
 
 from mapgraft.contracts.sources import ReadFaults
+from mapgraft.documents import parse_yaml, read_text
 from mapgraft.errors import RecordingError
 
 METADATA = "metadata.yaml"
 SUFFIXES = (".db3", ".mcap")
 
 _PART = re.compile(r"(.*?)_?(\d+)?$")  # rosbag2 names the parts of a bag <name>_0, <name>_1, …
+
+
+class _UnusableError(RecordingError):
+    """The metadata cannot be read; never leaves this module."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,16 +47,14 @@ def read_layout(folder: Path, faults: ReadFaults) -> BagLayout:
 
 def _told(folder: Path, faults: ReadFaults) -> BagLayout | None:
     """What the metadata says; None when it cannot be used."""
-    from ruamel.yaml import YAML
-    from ruamel.yaml.error import YAMLError
-
     try:
-        loaded = YAML(typ="safe").load((folder / METADATA).read_text())
+        loaded: Any = _parsed(folder / METADATA)
         information = loaded["rosbag2_bagfile_information"]
         names = [PurePath(str(name)).name for name in information["relative_file_paths"]]
         compression = _compression(folder, information)
-    except (YAMLError, OSError, UnicodeDecodeError, KeyError, TypeError) as error:
-        faults.add("metadata_damaged", f"{folder / METADATA} cannot be used ({type(error).__name__}): it is left aside")
+    except (_UnusableError, AttributeError, KeyError, TypeError) as error:
+        why = error if isinstance(error, _UnusableError) else type(error).__name__
+        faults.add("metadata_damaged", f"{folder / METADATA} cannot be used ({why}): it is left aside")
         return None
     files = []
     for number, name in enumerate(names):
@@ -62,6 +66,10 @@ def _told(folder: Path, faults: ReadFaults) -> BagLayout | None:
     if not files:
         raise RecordingError(f"no file that {folder / METADATA} names is there ({', '.join(names) or 'none'})")
     return BagLayout(tuple(files), compression)
+
+
+def _parsed(path: Path) -> object:
+    return parse_yaml(read_text(path, "the text", _UnusableError), "the text", _UnusableError)
 
 
 def _compression(folder: Path, information: Mapping[str, object]) -> str:

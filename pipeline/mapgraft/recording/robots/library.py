@@ -9,6 +9,7 @@ from pathlib import Path
 from mapgraft.config import LimitsConfig
 from mapgraft.contracts import ConfigError, GridMessage, MapgraftError, PluginError, RecordingError
 from mapgraft.plugins import Plugins
+from mapgraft.recording.containers.limits import ReadLimits
 from mapgraft.recording.containers.opening import Reader, open_source
 from mapgraft.recording.robots.glimpse import Glimpse, glimpse
 from mapgraft.recording.robots.payloads import Decoder, Payloads, checked_size
@@ -42,7 +43,8 @@ class Library:
         """The recording at a path, opened when it is asked for first; raises RecordingError when it cannot be read."""
         key = path.resolve()
         if key not in self._glimpses:
-            source = open_source(path, typestore=self._typestore, readers=self._readers)
+            bounds = ReadLimits(self._limits.chunk_bytes, self._limits.expansion)
+            source = open_source(path, typestore=self._typestore, readers=self._readers, limits=bounds)
             try:
                 self._glimpses[key] = glimpse(source, self.payloads)
             except BaseException:
