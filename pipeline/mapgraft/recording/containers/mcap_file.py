@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from operator import attrgetter
 from pathlib import Path
 from types import TracebackType
@@ -44,6 +45,8 @@ from mapgraft.recording.containers.selection import Wanted, places_of, wanted
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, RosCodec, Undecodable, codec_for
 from mapgraft.recording.decoding.names import message_type
 
+_COUNT_DIFFERS = "count_differs"
+
 
 class McapSource:
     """One MCAP file. Raises RecordingError when the file is empty or no MCAP file at all.
@@ -62,6 +65,7 @@ class McapSource:
         index = self._index()
         self.start_ns, self.end_ns = index.start_ns, index.end_ns
         self._places = index.places
+        self._stated = index.stated
         self._codecs: dict[int, Codec] = {}
         self._schemas: dict[int, SchemaText] = {}
         self.channels = tuple(self._channel(record, index, typestore) for _, record in sorted(index.channels.items()))
@@ -119,8 +123,27 @@ class McapSource:
         return self._in_order(wanted(self.channels, topics, start_ns, end_ns, SCAN_TYPES), self._parse_scans)
 
     def _in_order(self, want: Wanted, parse: Callable[[Wanted, Place, Content], list[T]]) -> Iterator[T]:
+        given: dict[int, int] = {}
+
+        def counted(place: Place, content: Content) -> list[T]:
+            found = parse(want, place, content)
+            given[place.offset] = len(found)
+            return found
+
         late = partial(note_late, self.faults)
-        return in_log_order(places_of(self._places, want), self._fetch, partial(parse, want), late)
+        passed = in_log_order(places_of(self._places, want), self._fetch, counted, late)
+        return chain(passed, self._compared(want, given))
+
+    def _compared(self, want: Wanted, given: Mapping[int, int]) -> Iterator[T]:
+        """Nothing more; but when fewer came than the writer counted and no other fault tells why, an index is wrong."""
+        if self._stated is not None and want.is_open and all(fault.cause == _COUNT_DIFFERS for fault in self.faults):
+            stated, found = sum(self._stated.get(number, 0) for number in want.channels), sum(given.values())
+            topics = sorted({channel.topic for channel in want.channels.values()})
+            if found < stated:
+                sentence = f"the summary tells of {stated:,} messages, and {found:,} are found: its indexes are wrong"
+                topic = topics[0] if len(topics) == 1 else ""
+                self.faults.add(_COUNT_DIFFERS, sentence, topic=topic, place=0, count=stated - found)
+        yield from ()
 
     def _fetch(self, place: Place, most_bytes: int | None) -> Content:
         if not self._view:

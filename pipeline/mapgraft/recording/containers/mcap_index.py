@@ -28,8 +28,9 @@ from mapgraft.recording.containers.mcap_walk import Piece, Walk
 
 @dataclass(slots=True)
 class McapIndex:
-    """Schemas, channels and places of a file. ``counts`` is None where nobody counted the messages per channel.
+    """Schemas, channels and places of a file.
 
+    ``counts`` is None where nobody counted the messages per channel; ``stated`` is what the writer counted.
     ``unpacked_bytes`` is how much all chunks together say they hold; ``damaged`` holds the chunks that were found
     broken, each with what can be read of it.
     """
@@ -38,6 +39,7 @@ class McapIndex:
     channels: dict[int, ChannelRecord] = field(default_factory=dict)
     places: list[Place] = field(default_factory=list)
     counts: dict[int, int] | None = field(default_factory=dict)
+    stated: Mapping[int, int] | None = None
     unpacked_bytes: int = 0
     damaged: list[tuple[Place, Content]] = field(default_factory=list)
     redefined: set[int] = field(default_factory=set)
@@ -218,4 +220,5 @@ def _take_statistics(summary: Summary | None, index: McapIndex, told: Sequence[C
         return
     statistics = () if summary is None or not summary.trusted else summary.values
     counted = next((dict(value.channel_message_counts) for value in statistics if isinstance(value, Statistics)), None)
+    index.stated = counted
     index.counts = counted if told or index.counts is None else index.counts

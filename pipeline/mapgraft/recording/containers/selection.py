@@ -23,6 +23,11 @@ class Wanted:
     start_ns: int
     end_ns: int
 
+    @property
+    def is_open(self) -> bool:
+        """Whether the window has no end to either side."""
+        return self.start_ns == -_FOREVER_NS and self.end_ns == _FOREVER_NS
+
 
 def wanted(
     channels: Sequence[Channel],
