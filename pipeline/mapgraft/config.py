@@ -149,9 +149,9 @@ class LimitsConfig(Section):
     """How much is taken from a recording and from plugins that may be broken or hostile; all else goes on.
 
     ``chunk_bytes`` is what one chunk or compressed message may unpack to, ``expansion`` how many times its own size a
-    file may; ``beams`` of one scan and ``grid_cells`` of one ready-made map; ``robots`` of one mission; ``extent_m`` is how far
-    from a robot's first observation its others may lie. ``plugin_s`` is how long one call of a plugin may take by the
-    clock, and after ``failures`` failures, or one that took too long, it is not asked again.
+    file may; ``beams`` of one scan and ``grid_cells`` of one ready-made map; ``robots`` of one mission; ``extent_m`` is
+    how far from a robot's first observation its others may lie. ``plugin_s`` is how long one call of a plugin may take
+    by the clock, and after ``failures`` failures, or one that took too long, it is not asked again.
     """
 
     chunk_bytes: Annotated[int, Field(ge=1)] = 128 << 20

@@ -16,6 +16,7 @@ from ruamel.yaml import YAML
 
 from mapgraft import __version__
 from mapgraft.assembly import Assembly, assemble
+from mapgraft.audit import Finding, audit
 from mapgraft.config import Config, load_config, parse_config
 from mapgraft.contracts import Observation
 from mapgraft.decision import DecisionTable, build_table
@@ -42,7 +43,8 @@ class Result:
     ``maps`` holds every robot's last snapshot: ``maps["alpha"].fused.dense()`` for a grid. ``traffic`` counts bytes per
     (donor, receiver). ``start_ns`` is the mission's first stamp. ``lost`` says in sentences what of the files could
     not be read and which observations could not be used, and why; ``remarks`` what was noticed about the robots'
-    sources, such as a map file that is probably not meant as it says.
+    sources, such as a map file that is probably not meant as it says. ``ledgers`` holds what ``verify_ledger`` found
+    out, one finding per robot.
     """
 
     run_id: str
@@ -54,6 +56,7 @@ class Result:
     start_ns: int = 0
     lost: Sequence[str] = ()
     remarks: Sequence[str] = ()
+    ledgers: Sequence[Finding] = ()
 
     @property
     def events_table(self) -> pa.Table:
@@ -112,12 +115,14 @@ def run(
     plugins: Plugins | None = None,
     sinks: Sequence[Sink] = (),
     opened: Callable[[int, int], None] | None = None,
+    verify_ledger: bool = False,
 ) -> Result:
     """Replay recordings, merge the robots' maps, and write everything to the folder ``out`` if one is given.
 
     Without files the embedded demo recording is replayed; a single path is a list of one. ``config`` is a Config, a
     mapping, or the path of a YAML or TOML file. ``sinks`` get everything that happens, too;
-    ``opened`` is told the first and last stamp (ns) of what will be replayed. Raises MapgraftError with
+    ``opened`` is told the first and last stamp (ns) of what will be replayed. With ``verify_ledger`` the recording is
+    read once more, and every layer and fused map is compared with one computed anew. Raises MapgraftError with
     one sentence; what was decided before is on disk.
     """
     from mapgraft.outputs.run_folder import RunFolder
@@ -143,9 +148,12 @@ def run(
             opened(*_span_of(mission, checked))
         with assembly.exchange.guard.armed():
             count = _replayed(mission, assembly, fan, watch)
+        lost, missing = _lost(mission, assembly), losses(mission)  # before the files are read once more
+        ledgers = _audited(mission, assembly, checked, plugins) if verify_ledger else []
         if folder is not None:
             _tell_costs(folder, watch, assembly.exchange.traffic.sent)
-            folder.lost([asdict(loss) for loss in losses(mission)])
+            folder.lost([asdict(loss) for loss in missing])
+            folder.audited([asdict(finding) for finding in ledgers])
             folder.finish()
         return Result(
             run_id=run_id,
@@ -155,8 +163,9 @@ def run(
             observations=count,
             traffic=dict(assembly.exchange.traffic.sent),
             start_ns=mission.start_ns,
-            lost=(*_lost(mission, assembly), *(folder.unshown if folder else ())),
+            lost=(*lost, *(folder.unshown if folder else ())),
             remarks=tuple(_remarks(mission, assembly)),
+            ledgers=tuple(ledgers),
         )
 
 
@@ -177,6 +186,11 @@ def _lost(mission: Mission, assembly: Assembly) -> list[str]:
 
     refused = [line for name, robot in assembly.robots.items() for line in robot.left_out.sentences(name)]
     return [*fault_sentences(mission), *mission.tally.sentences(), *refused]
+
+
+def _audited(mission: Mission, assembly: Assembly, config: Config, plugins: Plugins) -> list[Finding]:
+    kinds = {robot.name: robot.kinds for robot in mission.robots}
+    return audit(mission.observations(), kinds, assembly.robots, config, plugins)
 
 
 def _remarks(mission: Mission, assembly: Assembly) -> list[str]:

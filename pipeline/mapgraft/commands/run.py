@@ -10,6 +10,7 @@ from mapgraft.commands.progress import ProgressSink
 from mapgraft.commands.summary import as_json_summary, print_summary
 from mapgraft.config import Config
 from mapgraft.console import cell, print_json, remarks
+from mapgraft.errors import ReversalError
 from mapgraft.job import Result, as_config, demo, run
 from mapgraft.plugins import Plugins, load_plugins
 
@@ -25,8 +26,9 @@ def run_and_show(
     quiet: bool,
     as_json: bool,
     without: Sequence[str],
+    verify_ledger: bool = False,
 ) -> None:
-    """Run, and print what came of it."""
+    """Run, and print what came of it; raises ReversalError when a ledger differs from what is recomputed."""
     plugins = load_plugins(without)
     for broken in plugins.broken:
         remarks().print(cell(f"the plugin {broken.origin.plugin} could not be loaded: {broken.reason}"), style="yellow")
@@ -35,14 +37,21 @@ def run_and_show(
         paths, demo_config = demo()
         config = config or demo_config
     checked = overrides.apply(as_config(config))
-    result = run_with_progress(paths, checked, out, plugins, quiet=quiet or as_json)
+    result = run_with_progress(paths, checked, out, plugins, quiet=quiet or as_json, verify_ledger=verify_ledger)
     if as_json:
         print_json(as_json_summary(result))
     else:
         print_summary(result)
+    if wrong := [finding for finding in result.ledgers if not finding.sound]:
+        said = "; ".join(f"{finding.robot}: {finding.sentence}" for finding in wrong)
+        raise ReversalError(f"the ledgers do not hold what the recording says: {said}; please report this")
 
 
-def run_with_progress(files: Sequence[Path], config: Config, out: Path, plugins: Plugins, *, quiet: bool) -> Result:
+def run_with_progress(
+    files: Sequence[Path], config: Config, out: Path, plugins: Plugins, *, quiet: bool, verify_ledger: bool = False
+) -> Result:
     """Run with a bar on stderr."""
     with ProgressSink(quiet=quiet) as progress:
-        return run(files, config, out, plugins=plugins, sinks=[progress], opened=progress.spans)
+        return run(
+            files, config, out, plugins=plugins, sinks=[progress], opened=progress.spans, verify_ledger=verify_ledger
+        )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import Counter
 from collections.abc import Sequence
@@ -30,6 +31,9 @@ def print_summary(result: Result) -> None:
         console.print(f"{standing} merge{'s' * (standing != 1)} standing, {reverted} reverted.")
     for sentence in (*result.remarks, *result.lost):
         console.print(cell(sentence), style="yellow")
+    for finding in result.ledgers:
+        style = "green" if finding.sound else "red"
+        console.print(cell(f"ledger of {finding.robot}: {finding.sentence}"), style=style)
     if result.folder:
         console.print(cell(f"Written to {result.folder}"))
 
@@ -42,6 +46,7 @@ def as_json_summary(result: Result) -> dict[str, Any]:
         "observations": result.observations,
         "lost": list(result.lost),
         "remarks": list(result.remarks),
+        "ledgers": [dataclasses.asdict(finding) for finding in result.ledgers],
         "events": dict(Counter(event.kind for event in result.events)),
         "merges": [_as_json(events) for events in _merges(result.events)],
         "standing": sorted(result.standing),

@@ -55,6 +55,7 @@ class RunFolder:
         self._traffic: dict[tuple[str, str], int] = {}
         self._lost: list[Mapping[str, str | int]] = []
         self._unshown: dict[str, str] = {}
+        self._ledgers: list[dict[str, Any]] = []
         self._watch = Stopwatch()
         self._intact = self._open = True
         with writing(out):
@@ -115,6 +116,10 @@ class RunFolder:
     def unshown(self) -> list[str]:
         """Which maps could not be written because their type failed, in sentences; complete after ``finish``."""
         return [*self._mcap.unshown.values(), *self._unshown.values()]
+
+    def audited(self, findings: list[dict[str, Any]]) -> None:
+        """What was found out about the ledgers, for the summary."""
+        self._ledgers = findings
 
     def carried(self, traffic: Mapping[tuple[str, str], int]) -> None:
         """How many bytes went from each donor to each receiver, for the summary."""
@@ -223,6 +228,7 @@ class RunFolder:
                 {"donor": donor, "receiver": receiver, "bytes": size}
                 for (donor, receiver), size in sorted(self._traffic.items())
             ],
+            **({"ledgers": self._ledgers} if self._ledgers else {}),
             **({"unshown": self.unshown} if self.unshown else {}),
             "lost": self._lost,
             "files": [name for name in self._staging.names if "/run_id=" not in name],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import reduce
 from typing import Final, Literal
 
@@ -48,6 +49,13 @@ class Ledger:
         self._fused.touch(self._standing(merge_id).region)
         del self._contributions[merge_id]
         return Exactness(exact=True, reason="the donor's layer was never mixed with another")
+
+    @property
+    def contributions(self) -> Mapping[str, Contribution]:
+        return self._contributions
+
+    def recomputed(self, map_type: MapType) -> Map:
+        return map_type.view(self._layer, tuple(self._contributions.values()))
 
     def own(self) -> Map:
         self._tell()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -56,6 +57,16 @@ class MultiMap:
     def revert(self, merge_id: str) -> Exactness:
         self._rebuild_from(self._index(merge_id), None)
         return Exactness(exact=True, reason="the merged map was discarded, the original was kept up to date beside it")
+
+    @property
+    def contributions(self) -> Mapping[str, Contribution]:
+        return {level.merge_id: level.contribution for level in self._levels}
+
+    def recomputed(self, map_type: MapType) -> Map:
+        layer = map_type.decode(map_type.encode(self._layer))
+        for level in self._levels:
+            map_type.absorb(layer, level.contribution)
+        return map_type.view(layer)
 
     def own(self) -> Map:
         return self._own.get(self._layer)

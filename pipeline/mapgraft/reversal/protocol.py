@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal, Protocol
 
-from mapgraft.contracts import Contribution, Exactness, Layer, Map, Observation, Region
+from mapgraft.contracts import Contribution, Exactness, Layer, Map, MapType, Observation, Region
 
 
 class Reversal(Protocol):
@@ -41,6 +42,15 @@ class Reversal(Protocol):
 
     def revert(self, merge_id: str) -> Exactness:
         """Take a contribution out; raises ReversalError when it is not there."""
+        ...
+
+    @property
+    def contributions(self) -> Mapping[str, Contribution]:
+        """What stands in the map and can be told apart, by merge id; empty where it was mixed."""
+        ...
+
+    def recomputed(self, map_type: MapType) -> Map:
+        """The fused map by another instance of its type, from the layers alone: nothing that was kept is used."""
         ...
 
     def own(self) -> Map:

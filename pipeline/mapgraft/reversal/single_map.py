@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal
 
 from mapgraft.contracts import Contribution, Exactness, Layer, Map, MapType, Observation, Region
@@ -69,6 +70,13 @@ class SingleMap:
             cells_lost=lost,
             reason="what the robot had not updated itself was reset to unknown; what it had keeps the donor's share",
         )
+
+    @property
+    def contributions(self) -> Mapping[str, Contribution]:
+        return {}
+
+    def recomputed(self, map_type: MapType) -> Map:
+        return map_type.view(self._layer)
 
     def own(self) -> Map:
         return self._view.get(self._layer)

@@ -1,0 +1,151 @@
+"""``--verify-ledger``: the robots' evidence once more from the recording, compared with what the run holds.
+
+Own layers are integrated anew from the observations, contributions placed anew from the donors' layers as they were
+when they were sent, and the fused map is compared with one that was computed from its layers without anything kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mapgraft.assembly import map_type_of
+from mapgraft.config import Config
+from mapgraft.contracts import Layer, Map, MapError, MapType, Observation, Provenance
+from mapgraft.plugins import Plugins
+from mapgraft.procedures import Workshop
+from mapgraft.robot import Robot
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What was found out about one robot; ``sentence`` goes on after its name."""
+
+    robot: str
+    sound: bool
+    sentence: str
+
+
+def audit(
+    observations: Iterable[Observation],
+    kinds: Mapping[str, Iterable[str]],
+    robots: Mapping[str, Robot],
+    config: Config,
+    plugins: Plugins,
+) -> list[Finding]:
+    """One finding per robot, by name; ``kinds`` tells what each observes, ``observations`` are those of the run."""
+    workshop = Workshop(plugins)
+    anew = {name: _Anew(map_type_of(name, kinds[name], config, workshop)) for name in robots}
+    wanted = {source for robot in robots.values() for source in _sources(robot)}
+    for name, robot in robots.items():
+        wanted.add((name, robot.reversal.offered_version))
+    for name, again in anew.items():
+        again.keep(name, wanted)
+    for observation in observations:
+        again = anew[observation.robot]
+        if again.version < robots[observation.robot].reversal.version:
+            again.integrate(observation, wanted)
+    return [_finding(robot, anew) for _, robot in sorted(robots.items())]
+
+
+@dataclass(slots=True)
+class _Anew:
+    """One robot's evidence, integrated once more; ``kept`` holds it encoded as it was at the versions wanted."""
+
+    map_type: MapType
+    layer: Layer = field(init=False)
+    version: int = 0
+    kept: dict[int, bytes] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.layer = self.map_type.new_layer()
+
+    def integrate(self, observation: Observation, wanted: set[tuple[str, int]]) -> None:
+        try:
+            self.map_type.integrate(self.layer, observation)
+        except MapError:  # left out then as now
+            return
+        self.version += 1
+        self.keep(observation.robot, wanted)
+
+    def keep(self, robot: str, wanted: set[tuple[str, int]]) -> None:
+        if (robot, self.version) in wanted:
+            self.kept[self.version] = self.map_type.encode(self.layer)
+
+
+def _sources(robot: Robot) -> list[tuple[str, int]]:
+    return [(c.provenance.source, c.provenance.version) for c in robot.reversal.contributions.values()]
+
+
+def _finding(robot: Robot, anew: Mapping[str, _Anew]) -> Finding:
+    if robot.failed:
+        return Finding(robot.name, True, f"is not checked, for it took no part to the end: {robot.failed}")
+    faults = [*_own_faults(robot, anew[robot.name]), *_donor_faults(robot, anew), *_view_faults(robot, anew)]
+    if faults:
+        return Finding(robot.name, False, "; ".join(faults))
+    others = len(robot.reversal.contributions)
+    with_ = f" and {others} contribution{'s' * (others != 1)}" if others else ""
+    return Finding(robot.name, True, f"{robot.reversal.version} observations{with_} recomputed, all equal")
+
+
+def _own_faults(robot: Robot, again: _Anew) -> list[str]:
+    version = robot.reversal.offered_version
+    held = robot.map_type.encode(robot.reversal.offered_layer())
+    if again.kept.get(version) == held:
+        return []
+    return [f"its own layer of {version} observations differs from one integrated anew"]
+
+
+def _donor_faults(robot: Robot, anew: Mapping[str, _Anew]) -> list[str]:
+    """Contributions of the receiver's own type; what a conversion made is not placed anew."""
+    faults, map_type = [], robot.map_type
+    for merge_id, contribution in robot.reversal.contributions.items():
+        sent = _layer_of(contribution.provenance, anew, map_type.name)
+        if sent is None:
+            continue
+        placed = map_type.place(sent, contribution.T_receiver_donor, contribution.scale)
+        if map_type.encode(placed) != map_type.encode(contribution.layer):
+            faults.append(f"the contribution {merge_id} differs from the donor's layer placed anew")
+    return faults
+
+
+def _layer_of(provenance: Provenance, anew: Mapping[str, _Anew], wanted: str) -> Layer | None:
+    donor = anew[provenance.source]
+    data = donor.kept.get(provenance.version)
+    return None if data is None or donor.map_type.name != wanted else donor.map_type.decode(data)
+
+
+def _view_faults(robot: Robot, anew: Mapping[str, _Anew]) -> list[str]:
+    fresh = robot.reversal.recomputed(anew[robot.name].map_type)
+    if same_map(robot.map_type, robot.reversal.fused(), fresh):
+        return []
+    return ["its fused map differs from one computed anew from the layers"]
+
+
+def same_map(map_type: MapType, one: Map, other: Map) -> bool:
+    """Whether two maps know the same units and show the same."""
+    if one.known() != other.known():
+        return False
+    known, also = map_type.known_region(one), map_type.known_region(other)
+    if len(known.minus(also)) or len(also.minus(known)):
+        return False
+    try:
+        shown = [(m.suffix, m.message_type, m.fields) for m in map_type.messages(one)]
+        as_well = [(m.suffix, m.message_type, m.fields) for m in map_type.messages(other)]
+    except MapError:  # too large to be shown: what it knows is the same
+        return True
+    return _same(shown, as_well)
+
+
+def _same(one: object, other: object) -> bool:
+    """Equality of nested plain values and arrays, NaN equal to NaN."""
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        floats = one.dtype.kind == "f"
+        return one.dtype == other.dtype and bool(np.array_equal(one, other, equal_nan=floats))
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(_same(value, other[key]) for key, value in one.items())
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return len(one) == len(other) and all(map(_same, one, other))
+    return bool(one == other) or (one != one and other != other)
