@@ -86,8 +86,10 @@ def read_index(view: memoryview, faults: ReadFaults, limits: ReadLimits) -> Mcap
     """
     index = McapIndex()
     summary = read_summary(view, faults)
-    for value in () if summary is None else summary.values:
-        (index.declare if summary is not None and summary.trusted else index.suppose)(value)
+    values = () if summary is None else summary.values
+    sure = summary is not None and summary.trusted and summary.checked
+    for value in values if sure else ():
+        index.declare(value)
     told = believable_chunks(view, summary, faults)
     index.unpacked_bytes = sum(min(value.uncompressed_size, limits.chunk_bytes) for value in told)
     limits.check_expansion("the recording", len(view), index.unpacked_bytes)
@@ -98,6 +100,8 @@ def read_index(view: memoryview, faults: ReadFaults, limits: ReadLimits) -> Mcap
         sentence = f"{found} chunks are missing in the recording's chunk index: they are read all the same"
         faults.add("summary_damaged", sentence, place=2)
     filler.open_for_channels(told)
+    for value in () if sure else values:  # the chunks' own descriptions go before those that no checksum vouches for
+        (index.declare if summary is not None and summary.trusted else index.suppose)(value)
     _adopt(index, faults)
     _take_statistics(summary, index, told, found)
     return index
