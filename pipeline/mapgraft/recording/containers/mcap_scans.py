@@ -98,7 +98,7 @@ def chunk_scans(data: bytes | memoryview, entries: Entries, channel: Channel) ->
     first = int(entries[0, 1])
     try:
         _, length, _, _, _ = _message_head(data, first)
-    except struct.error:
+    except (struct.error, OverflowError):  # an offset beyond all memory
         return None
     layout = layout_of(channel.encoding, memoryview(data)[first + MESSAGE_HEAD : first + RECORD_HEAD + length])
     if layout is None or int(entries[:, 1].max()) + RECORD_HEAD + length > len(data):
