@@ -126,7 +126,7 @@ def test_messages_outside_chunks(
     path.write_bytes(hurt)
     untouched = [told for at, told in ends if at <= min(begin, len(hurt))]
     behind = [told for at, told in ends if at - 31 - len(told.data) >= end and at <= len(hurt)]
-    if begin < 8:
+    if begin < 8 or len(hurt) < 8:
         return
     found = Counter(given_by(McapSource(path)))
     described = {told.topic for told in untouched}  # channels are described once
