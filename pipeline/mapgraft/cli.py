@@ -80,6 +80,7 @@ def run(
     reversal: Annotated[str | None, typer.Option(help="ledger, single_map or multi_map, for every robot.")] = None,
     prior: Annotated[list[str] | None, typer.Option(help="Known pose: RECEIVER,DONOR=X,Y,YAW (m, rad).")] = None,
     forbid: Annotated[list[str] | None, typer.Option(help="Never merge this pair: A,B.")] = None,
+    report: Annotated[bool | None, typer.Option("--report/--no-report", help="Write report.html, too.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
     json: Json = False,
     no_plugin: NoPlugin = None,
@@ -88,7 +89,7 @@ def run(
     """Replay recordings, merge the robots' maps, verify, revert; without a file the demo recording."""
     from mapgraft.commands.run import Overrides, run_and_show
 
-    overrides = Overrides(start, end, every, reversal, tuple(prior or ()), tuple(forbid or ()))
+    overrides = Overrides(start, end, every, reversal, tuple(prior or ()), tuple(forbid or ()), report)
     run_and_show(files or [], config, out, overrides, quiet=quiet, as_json=json, without=no_plugin or [])
 
 
@@ -129,6 +130,18 @@ def forbid(
     from mapgraft.commands.hand import forbid_pair
 
     forbid_pair(out, merge, as_json=json)
+
+
+@app.command()
+def report(
+    out: Annotated[Path, typer.Argument(help="The folder of a run.")],
+    to: Annotated[Path | None, typer.Option("--out", "-o", help="The file to write, if not report.html in it.")] = None,
+    debug: Debug = False,
+) -> None:
+    """Write the page that shows a run: robots, timeline, every merge with pictures, metrics and reasons."""
+    from mapgraft.commands.report import report_and_show
+
+    report_and_show(out, to)
 
 
 @app.command()

@@ -135,7 +135,8 @@ def run(
             assembly = assemble(mission, checked, plugins, table, fan)  # before the folder is touched: it may refuse
         folder = None
         if out is not None:
-            folder = RunFolder(Path(out), stem(paths[0]), run_id, provenance, checked.output.scans)
+            output = checked.output
+            folder = RunFolder(Path(out), stem(paths[0]), run_id, provenance, output.scans, output.report)
             fan.sinks.append(stack.enter_context(folder))
             folder.keep(MISSION_FILE, remembered_text(paths, checked).encode())
         if opened is not None:

@@ -28,6 +28,7 @@ from mapgraft_schemas import VERSION
 
 ROUTINE = ("offered", "verified")  # events that wait for the next decision to be brought to disk
 SUMMARY = "summary.json"
+REPORT = "report.html"
 WRITING = "writing"  # the stage of a run that is spent here
 _BATCH = 512  # poses and events that wait to be written together
 _OURS = ("maps/", "trajectories/")  # where files of an earlier run are taken away when this one has none of that name
@@ -39,15 +40,18 @@ class RunFolder:
     Everything is written under ``.partial`` names. A decision is on disk when ``happened`` returns. ``finish`` renames
     everything at once; ``abort`` leaves the partial files behind, from which ``read_events`` reads every decision. As
     a context manager it finishes, or aborts when an error came through. Tables of other runs in the folder stay.
+    With ``report`` the page of the run is made when all else is published, from what is in the folder then.
 
     Raises OutputError when the folder cannot be written, or when another run is writing it.
     """
 
-    def __init__(self, out: Path, stem: str, run_id: str, provenance: RunProvenance, scans: bool = False) -> None:
+    def __init__(
+        self, out: Path, stem: str, run_id: str, provenance: RunProvenance, scans: bool = False, report: bool = False
+    ) -> None:
         if not (run_id[:1].isalpha() and run_id.isascii() and run_id.replace("_", "").replace("-", "").isalnum()):
             raise OutputError(f"a run id is a letter and then letters, digits, '_' and '-', found {run_id!r}")
         self._out, self._run_id, self._provenance = out, run_id, provenance
-        self._scans = scans
+        self._scans, self._report = scans, report
         self._queue: list[Pose | tuple[int, Event]] = []
         self._snapshots: dict[str, Snapshot] = {}
         self._standing, self._scene, self._tally = StandingMerges(), Scene(), Tally()
@@ -128,9 +132,14 @@ class RunFolder:
                 self._parquet.timed(stage.name, stage.elapsed_s, stage.count)
             self._parquet.close(self._provenance.inputs)
             earlier = _files_of(self._out / SUMMARY)
+            (self._out / REPORT).unlink(missing_ok=True)  # it tells of what is replaced now
             published = self._staging.publish()
             self._remove_leftovers(earlier, published)
-        self._close()
+        try:
+            if self._report:
+                self._tell()
+        finally:
+            self._close()
 
     def abort(self) -> None:
         """Stop here: leave partial files that hold everything reported so far. Never raises for a folder that fails."""
@@ -181,6 +190,18 @@ class RunFolder:
             changed |= self._standing.happened(event)
         if changed:
             self._place(last[1].stamp_ns if len(last) == 2 else last[2], redraw=True)
+
+    def _tell(self) -> None:
+        """Write the page of the run; raises OutputError when that goes wrong, which takes nothing from the run."""
+        from mapgraft.outputs.report import page_of, publish
+
+        try:
+            publish(self._out, page_of(self._out))
+        except Exception as error:
+            raise OutputError(
+                f"the run is whole in {self._out}, but its {REPORT} could not be made: {error}; "
+                "'mapgraft report' makes it without running again"
+            ) from error
 
     def _place(self, stamp_ns: int, redraw: bool = False) -> None:
         """Say where the map frames lie when that has changed, and draw the merges."""

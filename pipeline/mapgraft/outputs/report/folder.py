@@ -13,12 +13,13 @@ import numpy as np
 from mapgraft.contracts import Exactness, Measurement, Transform
 from mapgraft.errors import UsageError
 from mapgraft.events import Event
+from mapgraft.outputs.run_folder import SUMMARY
 from mapgraft.outputs.staging import SUFFIX
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-SUMMARY, MERGE_RECORDING = "summary.json", ".merge.mcap"
+MERGE_RECORDING = ".merge.mcap"
 ROUTINE = ("offered", "verified")  # events that are no decisions
 _MEASURED = ("seq", "merge_id", "metric", "value", "unit", "support", "better", "details")
 _ENDED = ("robot", "map_type", "version", "resolution_m", "known_area_m2", "known_own", "known_fused")
@@ -30,7 +31,7 @@ _PLAIN = (
 
 
 @dataclass(frozen=True, slots=True)
-class RunFolder:
+class FinishedRun:
     """A finished run. ``recording`` is the merge recording, ``summary`` and ``mission`` are the JSON files' content."""
 
     path: Path
@@ -101,7 +102,7 @@ class RunFolder:
         return rows
 
 
-def open_folder(path: Path) -> RunFolder:
+def open_run(path: Path) -> FinishedRun:
     """The run in a folder; raises UsageError when there is none, or none that is finished."""
     if not path.is_dir():
         raise UsageError(f"there is no folder {path}: give the folder that mapgraft run wrote")
@@ -122,7 +123,7 @@ def open_folder(path: Path) -> RunFolder:
         raise UsageError(f"the {SUMMARY} or mission.json of {path} is not what a run writes: run again") from None
     if not recording.is_file():
         raise UsageError(f"{path} is not whole: {recording.name} is gone; run again")
-    return RunFolder(path, recording, run_id, summary, mission)
+    return FinishedRun(path, recording, run_id, summary, mission)
 
 
 def _json(path: Path, name: str) -> Any:

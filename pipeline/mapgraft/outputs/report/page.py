@@ -9,7 +9,8 @@ from typing import Any, Final
 
 from mapgraft import __version__
 from mapgraft.events import Event
-from mapgraft.outputs.report.folder import SUMMARY, RunFolder, open_folder
+from mapgraft.outputs.files import json_bytes
+from mapgraft.outputs.report.folder import FinishedRun, open_run
 from mapgraft.outputs.report.gallery import Gallery, paint
 from mapgraft.outputs.report.merges import anchors_of, by_merge, card_of, most_telling, row_of
 from mapgraft.outputs.report.paintings import DIFFERENCE, FUSED, OVERLAY, colour
@@ -19,10 +20,10 @@ from mapgraft.outputs.report.scenes import Scenes
 from mapgraft.outputs.report.settings import changed, versions
 from mapgraft.outputs.report.timeline import timeline
 from mapgraft.outputs.report.words import Clock, count, listed, size
+from mapgraft.outputs.run_folder import REPORT, SUMMARY
 from mapgraft.outputs.staging import Staging, writing
 from mapgraft.pages import render
 
-REPORT: Final = "report.html"
 MOST_MERGES: Final = 40  # merges that are told with pictures and curves
 MOST_BYTES: Final = 3_500_000  # of their pictures
 _MOST_ROWS: Final = 2_000  # of the table of all merges
@@ -30,33 +31,33 @@ _MOST_ROWS: Final = 2_000  # of the table of all merges
 
 def page_of(path: Path) -> str:
     """The page of the finished run in a folder. Raises UsageError when there is none."""
-    folder = open_folder(path)
-    scenes = Scenes(folder.recording)
-    decisions = folder.decisions()
-    clock = _clock(folder, decisions)
+    run = open_run(path)
+    scenes = Scenes(run.recording)
+    decisions = run.decisions()
+    clock = _clock(run, decisions)
     merges = by_merge(decisions)
     anchors = anchors_of(merges)
     telling = most_telling(merges)[:MOST_MERGES]
     gallery = paint(scenes, [merges[merge_id] for merge_id in merges if merge_id in telling])
     told = _within(telling, gallery)
-    events = folder.events_of(told)
+    events = run.events_of(told)
     return render(
         "report.html",
         version=__version__,
-        name=folder.recording.name.removesuffix(".merge.mcap"),
+        name=run.recording.name.removesuffix(".merge.mcap"),
         clock=clock,
-        lead=_lead(folder, merges, clock),
-        tiles=_tiles(folder, merges, clock),
-        shared=_shared(folder),
-        robots=robot_cards(folder, gallery, _donors(merges)),
-        recordings=[_recording(row) for row in folder.recordings()],
+        lead=_lead(run, merges, clock),
+        tiles=_tiles(run, merges, clock),
+        shared=_shared(run),
+        robots=robot_cards(run, gallery, _donors(merges)),
+        recordings=[_recording(row) for row in run.recordings()],
         timeline=timeline(decisions, clock, {name: f"#{anchors[name]}" for name in told}),
         cards=[card_of(events[name], anchors[name], gallery, clock) for name in told],
         rows=[row_of(merges[name], anchors[name], name in told, clock) for name in list(merges)[:_MOST_ROWS]],
         merge_count=len(merges),
         not_merged=not_merged(decisions, clock),
-        changed=changed(folder.mission["config"]),
-        versions=list(versions(scenes.metadata, folder.run_id)),
+        changed=changed(run.mission["config"]),
+        versions=list(versions(scenes.metadata, run.run_id)),
         decision_table=scenes.attached.get("decision_table.yaml", b"").decode(errors="replace"),
         legends=_LEGENDS,
         pictured=any(gallery.views.values()),
@@ -64,19 +65,19 @@ def page_of(path: Path) -> str:
 
 
 def publish(path: Path, page: str, target: Path | None = None) -> Path:
-    """Write a run's page to its folder, or to ``target``; whole or not at all. Returns where it is.
+    """Write a folder's page into it, or to ``target``; whole or not at all. Returns where it is.
 
-    In the folder, ``summary.json`` lists it from then on. Raises OutputError when it cannot be written.
+    The ``summary.json`` of a run lists it from then on. Raises OutputError when it cannot be written.
     """
     place = path / REPORT if target is None else target
     with writing(place.parent):
         place.parent.mkdir(parents=True, exist_ok=True)
         staging = Staging(place.parent)
         staging.write(place.name, page.encode(errors="replace"))
-        if target is None:
+        if target is None and (path / SUMMARY).is_file():
             summary = json.loads((path / SUMMARY).read_text(encoding="utf-8"))
             summary["files"] = sorted({*summary["files"], REPORT})
-            staging.write(SUMMARY, (json.dumps(summary, indent=2, ensure_ascii=False) + "\n").encode())
+            staging.write(SUMMARY, json_bytes(summary))
         staging.publish()
     return place
 
@@ -107,8 +108,8 @@ _LEGENDS: Final = {
 }
 
 
-def _clock(folder: RunFolder, decisions: Sequence[Event]) -> Clock:
-    robots = folder.summary["robots"].values()
+def _clock(run: FinishedRun, decisions: Sequence[Event]) -> Clock:
+    robots = run.summary["robots"].values()
     stamps = [told[key] for told in robots for key in ("first_stamp_ns", "last_stamp_ns") if key in told]
     stamps += [event.stamp_ns for event in decisions]
     return Clock(min(stamps, default=0), max(stamps, default=0))
@@ -134,8 +135,8 @@ def _donors(merges: Mapping[str, Sequence[Event]]) -> dict[str, list[str]]:
     return out
 
 
-def _lead(folder: RunFolder, merges: Mapping[str, Sequence[Event]], clock: Clock) -> str:
-    robots = list(folder.summary["robots"])
+def _lead(run: FinishedRun, merges: Mapping[str, Sequence[Event]], clock: Clock) -> str:
+    robots = list(run.summary["robots"])
     replayed = f"{clock.span} of {listed(robots)} {'was' if len(robots) == 1 else 'were'} replayed."
     if not merges:
         alone = len(robots) < 2
@@ -151,11 +152,11 @@ def _lead(folder: RunFolder, merges: Mapping[str, Sequence[Event]], clock: Clock
     return f"{made}: {standing} {'stands' if standing == 1 else 'stand'} at the end, {taken}."
 
 
-def _tiles(folder: RunFolder, merges: Mapping[str, Sequence[Event]], clock: Clock) -> list[tuple[str, str, str]]:
-    robots, states = folder.summary["robots"], [events[-1].state for events in merges.values()]
+def _tiles(run: FinishedRun, merges: Mapping[str, Sequence[Event]], clock: Clock) -> list[tuple[str, str, str]]:
+    robots, states = run.summary["robots"], [events[-1].state for events in merges.values()]
     confirmed = states.count("confirmed")
     standing = confirmed + states.count("provisional")
-    sent = sum(entry["bytes"] for entry in folder.summary.get("bytes", ()))
+    sent = sum(entry["bytes"] for entry in run.summary.get("bytes", ()))
     return [
         ("robots", f"{len(robots):,}", ""),
         ("observations", f"{sum(told.get('observations', 0) for told in robots.values()):,}", ""),
@@ -166,9 +167,9 @@ def _tiles(folder: RunFolder, merges: Mapping[str, Sequence[Event]], clock: Cloc
     ]
 
 
-def _shared(folder: RunFolder) -> list[str]:
+def _shared(run: FinishedRun) -> list[str]:
     """Which robots merges connect at the end."""
-    return [f"{listed(part['robots'])} share one map." for part in folder.summary.get("components", ())]
+    return [f"{listed(part['robots'])} share one map." for part in run.summary.get("components", ())]
 
 
 def _recording(row: Mapping[str, Any]) -> dict[str, str]:

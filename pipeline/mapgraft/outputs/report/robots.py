@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft.outputs.report.folder import RunFolder
+from mapgraft.outputs.report.folder import FinishedRun
 from mapgraft.outputs.report.gallery import Gallery
 from mapgraft.outputs.report.paintings import fused_picture, map_picture
 from mapgraft.outputs.report.rasters import Canvas
@@ -34,17 +34,17 @@ class RobotCard:
     undrawn: Sequence[str]
 
 
-def robot_cards(folder: RunFolder, gallery: Gallery, donors: dict[str, list[str]]) -> list[RobotCard]:
+def robot_cards(run: FinishedRun, gallery: Gallery, donors: dict[str, list[str]]) -> list[RobotCard]:
     """``donors`` are those whose maps stand in a robot's map at the end."""
-    rows = folder.maps_at_the_end()
+    rows = run.maps_at_the_end()
     return [
-        _card(folder, name, told, rows.get(name, {}), gallery, donors.get(name, []), n < _MOST_PICTURED)
-        for n, (name, told) in enumerate(folder.summary["robots"].items())
+        _card(run, name, told, rows.get(name, {}), gallery, donors.get(name, []), n < _MOST_PICTURED)
+        for n, (name, told) in enumerate(run.summary["robots"].items())
     ]
 
 
 def _card(
-    folder: RunFolder,
+    run: FinishedRun,
     name: str,
     told: dict[str, Any],
     row: dict[str, Any],
@@ -52,7 +52,7 @@ def _card(
     donors: Sequence[str],
     pictured: bool,
 ) -> RobotCard:
-    way_m = _way(folder.path / "trajectories" / f"{told.get('files_as', name)}.tum")
+    way_m = _way(run.path / "trajectories" / f"{told.get('files_as', name)}.tum")
     facts = [("observations", f"{told.get('observations', 0):,}")]
     if len(way_m):
         facts.append(("path", f"{np.linalg.norm(np.diff(way_m, axis=0), axis=1).sum():,.1f} m"))
