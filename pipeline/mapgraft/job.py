@@ -142,8 +142,10 @@ def run(
         if opened is not None:
             opened(*_span_of(mission, checked))
         count = _replayed(mission, assembly, fan, watch)
+        lost, remarks = tuple(mission.tally.sentences()), tuple(_remarks(mission, assembly))
         if folder is not None:
             _tell_costs(folder, watch, assembly.exchange.traffic.sent)
+            folder.noticed((*remarks, *lost))
         return Result(
             run_id=run_id,
             folder=None if out is None else Path(out),
@@ -152,8 +154,8 @@ def run(
             observations=count,
             traffic=dict(assembly.exchange.traffic.sent),
             start_ns=mission.start_ns,
-            lost=tuple(mission.tally.sentences()),
-            remarks=tuple(_remarks(mission, assembly)),
+            lost=lost,
+            remarks=remarks,
         )
 
 

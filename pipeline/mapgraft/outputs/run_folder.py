@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
@@ -57,6 +57,7 @@ class RunFolder:
         self._standing, self._scene, self._tally = StandingMerges(), Scene(), Tally()
         self._names = file_names()
         self._traffic: dict[tuple[str, str], int] = {}
+        self._remarks: tuple[str, ...] = ()
         self._watch = Stopwatch()
         self._intact = self._open = True
         with writing(out):
@@ -116,6 +117,10 @@ class RunFolder:
     def carried(self, traffic: Mapping[tuple[str, str], int]) -> None:
         """How many bytes went from each donor to each receiver, for the summary."""
         self._traffic.update(traffic)
+
+    def noticed(self, remarks: Sequence[str]) -> None:
+        """What there is to say about the recordings and what of them was left out, in sentences, for the summary."""
+        self._remarks = tuple(remarks)
 
     def finish(self) -> None:
         """Make everything whole, then give every file its final name; nothing of it is half-written at any time."""
@@ -229,6 +234,7 @@ class RunFolder:
                 {"donor": donor, "receiver": receiver, "bytes": size}
                 for (donor, receiver), size in sorted(self._traffic.items())
             ],
+            "remarks": list(self._remarks),
             "files": [name for name in self._staging.names if "/run_id=" not in name],
         }
         self._staging.write(SUMMARY, json_bytes(summary))  # the last one renamed: who finds it finds all others

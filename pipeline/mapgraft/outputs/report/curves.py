@@ -50,7 +50,7 @@ class Curve:
 @dataclass(slots=True)
 class _Series:
     unit: str
-    seen: list[tuple[float, float]] = field(default_factory=list)  # seconds, value (may be NaN or infinite)
+    seen: list[tuple[float, float]] = field(default_factory=list)  # time, value (may be NaN or infinite)
 
 
 def curves(events: Sequence[Event], clock: Clock) -> list[Curve]:
@@ -58,7 +58,7 @@ def curves(events: Sequence[Event], clock: Clock) -> list[Curve]:
     series = dict(_series(events, clock))
     limits = _limits(events)
     order = sorted(series, key=lambda name: (name not in limits, name))
-    marks = [(clock.seconds(e.stamp_ns), TONES[e.kind], f"{e.kind} at {clock.at(e.stamp_ns)}") for e in events]
+    marks = [(clock.units(e.stamp_ns), TONES[e.kind], f"{e.kind} at {clock.at(e.stamp_ns)}") for e in events]
     marks = [mark for mark, event in zip(marks, events, strict=True) if event.kind in _MARKED]
     drawn = (_drawn(name, series[name], limits.get(name, ()), marks) for name in order)
     return [curve for curve in drawn if curve is not None]
@@ -75,13 +75,13 @@ def _series(events: Sequence[Event], clock: Clock) -> Iterator[tuple[str, _Serie
     }
     found: dict[str, _Series] = {}
     for event in events:
-        seconds = clock.seconds(event.stamp_ns)
+        at = clock.units(event.stamp_ns)
         values = {m.name: (m.value, m.unit) for m in event.measurements}
         for m in event.measurements:
             values |= {f"{m.name}.{name}": (v, "") for name, v in m.details.items() if f"{m.name}.{name}" in limited}
         values |= {name: (v, "") for name, v in event.evidence.items() if name in limited}
         for name, (value, unit) in values.items():
-            found.setdefault(name, _Series(unit)).seen.append((seconds, value))
+            found.setdefault(name, _Series(unit)).seen.append((at, value))
     yield from found.items()
 
 

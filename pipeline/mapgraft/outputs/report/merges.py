@@ -9,7 +9,18 @@ from typing import Final
 from mapgraft.events import Event
 from mapgraft.outputs.report.curves import Curve, curves
 from mapgraft.outputs.report.gallery import Gallery, View
-from mapgraft.outputs.report.words import TONES, Clock, count, done_by, exactness, happened, number, pose, sigma_of
+from mapgraft.outputs.report.words import (
+    TONES,
+    Clock,
+    count,
+    done_by,
+    duration,
+    exactness,
+    happened,
+    number,
+    pose,
+    sigma_of,
+)
 
 _UPDATES_TOLD: Final = 3  # of a merge's updates; the others are under a fold
 
@@ -137,9 +148,9 @@ def _decisive(events: Sequence[Event]) -> Event:
 
 def _lead(merged: Event, last: Event, clock: Clock) -> str:
     made = f"{merged.donor}’s map came into {merged.receiver}’s at {clock.at(merged.stamp_ns)}"
-    stood = clock.seconds(last.stamp_ns) - clock.seconds(merged.stamp_ns)
+    stood = duration(clock.seconds(last.stamp_ns) - clock.seconds(merged.stamp_ns))
     if last.kind == "reverted":
-        return f"{made}, and was taken out again at {clock.at(last.stamp_ns)}, after {stood:.1f} s."
+        return f"{made}, and was taken out again at {clock.at(last.stamp_ns)}, after {stood}."
     if last.kind == "confirmed":
         return f"{made}, was confirmed at {clock.at(last.stamp_ns)}, and stands."
     return f"{made} and stands, not confirmed yet."

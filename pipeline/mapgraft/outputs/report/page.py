@@ -50,6 +50,7 @@ def page_of(path: Path) -> str:
         tiles=_tiles(run, merges, clock),
         shared=_shared(run),
         robots=robot_cards(run, gallery, _donors(merges)),
+        remarks=run.summary.get("remarks", ()),
         recordings=[_recording(row) for row in run.recordings()],
         timeline=timeline(decisions, clock, {name: f"#{anchors[name]}" for name in told}),
         cards=[card_of(events[name], anchors[name], gallery, clock) for name in told],
@@ -163,7 +164,7 @@ def _tiles(run: FinishedRun, merges: Mapping[str, Sequence[Event]], clock: Clock
         ("data time", clock.span, ""),
         ("merges standing", f"{standing:,}", f"{confirmed:,} confirmed" if standing else ""),
         ("reverted", f"{states.count('reverted'):,}", ""),
-        ("passed between robots", size(sent), ""),
+        ("exchanged", size(sent), ""),
     ]
 
 

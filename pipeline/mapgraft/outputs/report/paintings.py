@@ -18,6 +18,9 @@ Painted = NDArray[np.uint8]  # (h, w) index into a palette, row 0 at the smalles
 
 LARGEST_PX: Final = 620  # of a picture's longer side
 _SMALLEST_PX: Final = 320
+_FINE: Final = (
+    300  # cells along the longer side: from so many on a cell is so small that contradictions are drawn wider
+)
 
 # The paper behind a picture shows where nothing is known.
 MAP: Final = np.array([(0, 0, 0, 0), (255, 255, 255, 255), (28, 31, 37, 255)], np.uint8)
@@ -108,7 +111,7 @@ def overlay_picture(own: Cells, donor: Cells, cell_m: float, alt: str) -> Pictur
 
 
 def difference_picture(own: Cells, donor: Cells, cell_m: float, alt: str) -> tuple[Picture, Agreement]:
-    """Where both know something: whether they agree. With the counts."""
+    """Where both know something: whether they agree. With the counts, which are of cells and not of what is drawn."""
     joint = (own != UNKNOWN) & (donor != UNKNOWN)
     free, occupied = joint & (own == FREE) & (donor == FREE), joint & (own == OCCUPIED) & (donor == OCCUPIED)
     against = joint & (own != donor)
@@ -117,9 +120,11 @@ def difference_picture(own: Cells, donor: Cells, cell_m: float, alt: str) -> tup
     painted[(own != UNKNOWN) != (donor != UNKNOWN)] = 1
     painted[free] = 2
     painted[occupied] = 4
-    painted[against & (own == OCCUPIED)] = 5
-    painted[against & (donor == OCCUPIED)] = 6
     painted[edge] = 3
+    clear = against & ~edge
+    for kind, index in ((own, 5), (donor, 6)):
+        cells = clear & (kind == OCCUPIED)
+        painted[near(cells) & joint if max(own.shape) >= _FINE else cells] = index
     n_joint, n_free, n_occupied, n_against, n_edge = (
         int(np.count_nonzero(mask)) for mask in (joint, free, occupied, against, edge)
     )

@@ -24,7 +24,8 @@ _PATH_POINTS: Final = 240
 
 @dataclass(frozen=True, slots=True)
 class RobotCard:
-    """One robot. ``path`` is its way over the picture of its own map, in percent of it, for a polyline."""
+    """One robot. ``path`` is its way over the picture of its own map, in percent of it, for a polyline; ``is_one_map``
+    says that its own map holds what came from others, so that there is no other picture."""
 
     name: str
     facts: Sequence[tuple[str, str]]
@@ -32,6 +33,7 @@ class RobotCard:
     fused: Picture | None
     path: str
     undrawn: Sequence[str]
+    is_one_map: bool = False
 
 
 def robot_cards(run: FinishedRun, gallery: Gallery, donors: dict[str, list[str]]) -> list[RobotCard]:
@@ -64,7 +66,7 @@ def _card(
         facts.append(("map type", f"{row['map_type']}{resolution}"))
     facts.append(("merged from", ", ".join(sorted(donors)) or "nobody"))
     own, fused, path = _pictures(name, gallery, way_m, bool(donors)) if pictured else (None, None, "")
-    return RobotCard(name, facts, own, fused, path, gallery.undrawn.get(name, ()))
+    return RobotCard(name, facts, own, fused, path, gallery.undrawn.get(name, ()), bool(donors) and fused is None)
 
 
 def _pictures(
@@ -78,7 +80,7 @@ def _pictures(
     mine = canvas.cells_of(own)
     picture = map_picture(mine, canvas.cell_m, f"{name}'s own map at the end")
     merged = None
-    if has_merges and fused is not None:
+    if has_merges and fused is not None and not (canvas.cells_of(fused) == mine).all():
         merged = fused_picture(mine, canvas.cells_of(fused), canvas.cell_m, f"{name}'s map with its merges at the end")
     return picture, merged, _over(canvas, way_m)
 

@@ -13,7 +13,7 @@ from mapgraft.outputs.report.words import TONES, Clock, happened, short
 _LEFT, _RIGHT, _TOP, _ROW, _FOOT = 190.0, 990.0, 8.0, 26.0, 34.0  # drawing units
 _MOST_ROWS: Final = 60
 _NEAR: Final = 5.0  # drawing units: marks of a kind that lie closer are one mark
-_LABEL: Final = 13  # characters of a robot's name
+_LABEL: Final = 11  # characters of a robot's name
 _ATTEMPTS = ("rejected", "unmatched", "ambiguous")
 
 
@@ -70,14 +70,12 @@ def timeline(decisions: Sequence[Event], clock: Clock, anchors: Mapping[str, str
     merged = {pair for pair, events in by_pair.items() if any(event.kind == "merged" for event in events)}
     pairs = sorted(by_pair, key=lambda pair: (pair not in merged, pair))
     shown = sorted(pairs[:_MOST_ROWS])
-    end_s = max(clock.seconds(clock.end_ns), 1e-3)
-    in_minutes = end_s >= 600.0
-    axis = Axis(0.0, end_s / 60.0 if in_minutes else end_s, _LEFT, _RIGHT)
-    draw = _Drawing(clock, Axis(0.0, end_s, _LEFT, _RIGHT), anchors)
+    axis = Axis(0.0, max(clock.units(clock.end_ns), 1e-3), _LEFT, _RIGHT)
+    draw = _Drawing(clock, axis, anchors)
     rows = [draw.row(n, pair, by_pair[pair]) for n, pair in enumerate(shown)]
     bottom = _TOP + _ROW * max(len(rows), 1)
-    unit = "min" if in_minutes else "s"
-    return Timeline(rows, axis.ticks(8), _LEFT, _RIGHT, bottom, bottom + _FOOT, unit, len(pairs) - len(shown))
+    left_out = len(pairs) - len(shown)
+    return Timeline(rows, axis.ticks(8), _LEFT, _RIGHT, bottom, bottom + _FOOT, clock.unit, left_out)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,4 +133,4 @@ class _Drawing:
         return Mark(self._x(first.stamp_ns), kind, TONES[kind], short(said, 300), href)
 
     def _x(self, stamp_ns: int) -> float:
-        return self.axis.at(self.clock.seconds(stamp_ns))
+        return self.axis.at(self.clock.units(stamp_ns))

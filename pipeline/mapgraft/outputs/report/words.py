@@ -24,18 +24,32 @@ TONES: Final[dict[str, str]] = {
 }
 _LISTED: Final = 6  # names that a sentence holds
 _LONG_NAME: Final = 60  # characters of a name that fit where a line must not grow
+_LONG_S: Final = 600.0
 _YEAR_1971_NS: Final = 31_536_000_000_000_000  # stamps before it are counted from the first scan, and are no dates
 
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """Data time as people read it: since the first observation."""
+    """Data time as people read it: since the first observation, in long missions in minutes."""
 
     start_ns: int
     end_ns: int
 
     def at(self, stamp_ns: int) -> str:
-        return duration(self.seconds(stamp_ns))
+        seconds = self.seconds(stamp_ns)
+        return f"{seconds:.1f} s" if not self.is_long else f"{round(seconds) // 60}:{round(seconds) % 60:02d} min"
+
+    @property
+    def is_long(self) -> bool:
+        return self.seconds(self.end_ns) >= _LONG_S
+
+    @property
+    def unit(self) -> str:
+        return "min" if self.is_long else "s"
+
+    def units(self, stamp_ns: int) -> float:
+        """The same as a number for axes, in ``unit``."""
+        return self.seconds(stamp_ns) / (60.0 if self.is_long else 1.0)
 
     def seconds(self, stamp_ns: int) -> float:
         return (stamp_ns - self.start_ns) / 1e9
@@ -53,7 +67,7 @@ class Clock:
 
 
 def duration(seconds: float) -> str:
-    if seconds < 600.0:
+    if seconds < _LONG_S:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes} min {rest:02d} s" if minutes < 600 else f"{minutes // 60} h {minutes % 60:02d} min"
