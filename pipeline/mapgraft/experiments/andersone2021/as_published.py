@@ -52,7 +52,7 @@ def costs_table(experiment: Experiment) -> Table:
         "merged map, of the ledger the fused view of what was touched. Metrics look at the merged map in 1M and at the "
         "robot's own map otherwise, which 2M and the ledger must make in addition."
     )
-    title = "Cost of the further scans, and of a revert"
+    title = "What the further scans cost, and a revert"
     return Table("costs", title, note, ("resolutions", "what", "unit"), columns(paper=False), rows)
 
 

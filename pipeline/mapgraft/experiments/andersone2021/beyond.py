@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Final
 
 from mapgraft.config import ReversalName
-from mapgraft.experiments.andersone2021.as_published import KINDS, METRIC_NAMES, mean, of, ranged
+from mapgraft.experiments.andersone2021.as_published import COSTS, KINDS, METRIC_NAMES, mean, of, ranged, ratio
 from mapgraft.experiments.andersone2021.detection import (
     POOLED,
     WATCHED,
@@ -32,6 +32,39 @@ _LEFT: Final[dict[str, tuple[str, Callable[[Kept], float]]]] = {
     "alien": ("known, would not be", lambda kept: kept.leftovers.alien),
     "changed": ("other class", lambda kept: kept.leftovers.changed),
 }
+
+
+def ways_table(experiment: Experiment, curves: Sequence[Curve]) -> Table:
+    """The three ways of keeping a merge in one look."""
+    rows = []
+    for strategy in STRATEGIES:
+        kept = [merge.by[strategy] for merge in experiment.merges]
+        costs = {name: ratio(experiment.merges, strategy, COSTS[name][1]) for name in ("update", "compared")}
+        cells = {name: Number(value) for name, value in costs.items()}
+        cells |= {name: Number(mean([_LEFT[name][1](one) for one in kept])) for name in ("lost", "contaminated")}
+        cells |= {
+            curve.number: Number(curve.area.value)
+            for curve in curves
+            if (curve.source, curve.moment, curve.group) == (strategy, "end", POOLED)
+        }
+        cells["identical"] = Number(sum(one.leftovers.identical for one in kept))
+        rows.append(Row(strategy, (SHORT[strategy],), cells, {}))
+    note = (
+        f"Of all {len(experiment.merges)} merges, right and wrong. Cost of an update with the robot's map, and with "
+        "the map that metrics look at as well; how well SM and DM tell wrong merges in the end (area under the curve); "
+        "and what a revert leaves: cells per merge that are lost, and that still hold the donor's share, and how many "
+        "maps have the same bytes as if nothing had ever been merged."
+    )
+    columns = [
+        Column("update", "update, 1M = 1", 2, timed=True),
+        Column("compared", "with metrics", 2, timed=True),
+        Column("similarity", "SM, area"),
+        Column("distance", "DM, area"),
+        Column("lost", "cells lost", 0),
+        Column("contaminated", "contaminated", 0),
+        Column("identical", "same bytes", 0),
+    ]
+    return Table("ways", "The three ways in one look", note, ("kept in",), columns, rows)
 
 
 def reversal_table(experiment: Experiment) -> Table:
@@ -253,6 +286,7 @@ def _direction(curve: Curve) -> str:
 
 def further_tables(experiment: Experiment, curves: Sequence[Curve], transfers: Sequence[Transfer]) -> Iterator[Table]:
     """All tables of this module, in the order in which they tell the story."""
+    yield ways_table(experiment, curves)
     yield reversal_table(experiment)
     yield detection_table(experiment, curves)
     yield thresholds_table(experiment, transfers)

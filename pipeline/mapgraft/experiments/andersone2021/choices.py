@@ -21,8 +21,8 @@ class Choice:
 
 _CARPIN = Choice(
     "Carpin's matcher",
-    "Hough spectra of both maps give rotations (4 hypotheses, each also 1° to either side), X- and Y-spectra the shifts "
-    "(40 peaks per axis; the original takes one); at least a tenth of the smaller map must overlap.",
+    "Hough spectra of both maps give rotations (4 hypotheses, each also 1° to either side), X- and Y-spectra the "
+    "shifts (40 peaks per axis; the original takes one); at least a tenth of the smaller map must overlap.",
 )
 
 

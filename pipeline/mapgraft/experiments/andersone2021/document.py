@@ -43,7 +43,7 @@ def document(
     """Everything that is told of an experiment; numbers that are not finite are None.
 
     ``why`` says why these recordings were taken, where nobody named any. What depends on the clock is under ``times``:
-    the cells of timed rows of ``tables`` and what was found of timed ``statements`` are there, by their names.
+    there are the cells of timed rows and columns of ``tables``, and what was found of timed ``statements``, by name.
     """
     content: dict[str, Any] = finite(
         {
@@ -96,11 +96,11 @@ def _settings(experiment: Experiment) -> dict[str, Any]:
 
 
 def _times(experiment: Experiment, tables: Sequence[Table], statements: Sequence[Statement]) -> dict[str, Any]:
-    timed = {table.name: [row for row in table.rows if row.timed] for table in tables}
+    timed = {table.name: {row.name: _cells(table, row, timed=True) for row in table.rows} for table in tables}
     return {
         "elapsed_s": experiment.elapsed_s,
         "statements": {one.name: {"found": one.found, "holds": one.holds} for one in statements if one.timed},
-        "tables": {name: {row.name: _cells(row.cells) for row in rows} for name, rows in timed.items() if rows},
+        "tables": {name: {row: cells for row, cells in rows.items() if cells} for name, rows in timed.items()},
     }
 
 
@@ -120,8 +120,8 @@ def _table(table: Table) -> dict[str, Any]:
             {
                 "name": row.name,
                 "labels": list(row.labels),
-                "cells": {} if row.timed else _cells(row.cells),
-                "paper": _cells(row.paper),
+                "cells": _cells(table, row, timed=False),
+                "paper": _numbers(row.paper),
                 "decimals": row.decimals,
                 "timed": row.timed,
             }
@@ -130,7 +130,13 @@ def _table(table: Table) -> dict[str, Any]:
     }
 
 
-def _cells(cells: Mapping[str, Number]) -> dict[str, list[float]]:
+def _cells(table: Table, row: Row, *, timed: bool) -> dict[str, list[float]]:
+    """The cells of a row that depend on the clock, or those that do not."""
+    of_time = {column.name for column in table.columns if column.timed or row.timed}
+    return _numbers({name: number for name, number in row.cells.items() if (name in of_time) == timed})
+
+
+def _numbers(cells: Mapping[str, Number]) -> dict[str, list[float]]:
     """Value, and the ends of its range or interval."""
     return {name: [number.value, number.low, number.high] for name, number in cells.items()}
 
@@ -154,7 +160,7 @@ def _read_table(told: Mapping[str, Any], timed: Mapping[str, Any]) -> Table:
         Row(
             row["name"],
             row["labels"],
-            _read_cells(timed.get(row["name"], {}) if row["timed"] else row["cells"]),
+            _read_cells({**row["cells"], **timed.get(row["name"], {})}),
             _read_cells(row["paper"]),
             row["decimals"],
             row["timed"],

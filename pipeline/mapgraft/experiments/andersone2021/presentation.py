@@ -8,15 +8,26 @@ from typing import Any, Final
 
 from mapgraft.experiments.andersone2021.as_published import costs_table, paper_tables
 from mapgraft.experiments.andersone2021.beyond import further_tables
-from mapgraft.experiments.andersone2021.detection import curves, transfers
-from mapgraft.experiments.andersone2021.document import document
+from mapgraft.experiments.andersone2021.charts import (
+    areas_figure,
+    costs_figure,
+    curves_figure,
+    histograms,
+    resolution_figure,
+)
+from mapgraft.experiments.andersone2021.detection import Curve, curves, transfers
+from mapgraft.experiments.andersone2021.document import Shown, document
+from mapgraft.experiments.andersone2021.drawn import Drawn
 from mapgraft.experiments.andersone2021.outcome import Experiment
+from mapgraft.experiments.andersone2021.page import page
+from mapgraft.experiments.andersone2021.pictures import map_figures
 from mapgraft.experiments.andersone2021.protocol import Laboratory
 from mapgraft.experiments.andersone2021.statements import Statement, statements
 from mapgraft.experiments.andersone2021.tables import Table, csv_text, markdown, parquet_bytes
 from mapgraft.outputs.provenance import RunProvenance
 
 DOCUMENT: Final = "experiment.json"
+PAGE: Final = "report.html"
 TITLE: Final = "The experiment of Andersone 2021, with a third column"
 _HOLDS: Final = {True: "holds", False: "does not hold", None: "cannot be told"}
 
@@ -36,8 +47,27 @@ def present(
         *further_tables(experiment, found, transfers(experiment)),
     ]
     said = statements(experiment, found)
-    content = document(experiment, tables, said, found, [], provenance, why)
-    return {DOCUMENT: json_bytes(content), **_table_files(tables, said)}
+    drawn = _figures(experiment, laboratory, found)
+    pngs = {_file(one): one.png for one in drawn if one.png is not None}
+    shown = [Shown(one.name, one.title, one.caption, _file(one) if one.png else "") for one in drawn]
+    content = document(experiment, tables, said, found, shown, provenance, why)
+    files = {DOCUMENT: json_bytes(content), **_table_files(tables, said), **pngs}
+    return {**files, PAGE: page(content, pngs).encode()}
+
+
+def _figures(experiment: Experiment, laboratory: Laboratory, found: Sequence[Curve]) -> list[Drawn]:
+    return [
+        *map_figures(experiment, laboratory),
+        *histograms(experiment, found),
+        curves_figure(experiment, found),
+        areas_figure(experiment, found),
+        resolution_figure(experiment, found),
+        costs_figure(experiment),
+    ]
+
+
+def _file(one: Drawn) -> str:
+    return f"figures/{one.name}.png"
 
 
 def json_bytes(content: Mapping[str, Any]) -> bytes:
