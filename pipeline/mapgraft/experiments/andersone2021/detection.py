@@ -114,13 +114,16 @@ def roc(values: Values, right: Kinds, better: Better) -> NDArray[np.float64]:
     return np.concatenate((np.zeros((1, 2)), np.stack(list(sides), axis=1)))
 
 
-def curves(experiment: Experiment) -> list[Curve]:
-    """Every number at every moment, of all merges together and of every combination, as far as it tells something."""
+def curves(experiment: Experiment, *, watched: bool = True) -> list[Curve]:
+    """Every number at every moment, of all merges together and of every combination, as far as it tells something.
+
+    Without ``watched`` only SM and DM.
+    """
     found = []
     for group, merges in groups(experiment).items():
         right = _Right(rightness(merges), np.array([merge.number for merge in merges], np.int64))
         weights = resampled(blocks_of([merge.plan for merge in merges]), experiment.settings.seed)
-        for number, moment, source, better in _sources(experiment):
+        for number, moment, source, better in _sources(experiment, watched=watched):
             values = _values(merges, number, moment, source)
             curve = _curve((number, moment, source, group), values, right, weights, better)
             found += [curve] if curve is not None else []
@@ -171,13 +174,13 @@ def _curve(
     return Curve(*name, found, best_threshold(values, right, found.better), points, int((~there).sum()))
 
 
-def _sources(experiment: Experiment) -> Iterator[tuple[str, str, str, Better | None]]:
+def _sources(experiment: Experiment, *, watched: bool) -> Iterator[tuple[str, str, str, Better | None]]:
     """Number, moment, source, and which way it should go, of everything that merges could be told by."""
     for strategy in STRATEGIES:
         for metric in METRICS:
             for moment in MOMENTS:
                 yield metric, moment, strategy, experiment.better.get(metric, _BETTER[metric])
-    for moment in MOMENTS:
+    for moment in MOMENTS if watched else ():
         names = dict.fromkeys(name for merge in experiment.merges for name in _watched(merge, moment))
         for name in names:
             yield name, moment, WATCHED, experiment.better.get(name)
