@@ -36,8 +36,8 @@ class Settings:
     """As many ``right`` and ``wrong`` merges are sought per combination of resolutions.
 
     Maps are of ``scans`` scans, after which the receiver maps ``further`` ones; pairs are drawn by ``seed``.
-    ``matcher`` takes the place of Carpin's. After ``draws`` pairs the search for merges of a combination is given up, by
-    default after 50 for each that is wanted.
+    ``matcher`` takes the place of Carpin's. After ``draws`` pairs the search for merges of a combination is given up,
+    by default after 50 for each that is wanted.
     """
 
     right: int = 20
