@@ -41,11 +41,7 @@ def present(
     taken, where nobody named any.
     """
     found = curves(experiment)
-    tables = [
-        *paper_tables(experiment),
-        costs_table(experiment),
-        *further_tables(experiment, found, transfers(experiment)),
-    ]
+    tables = tables_of(experiment, found)
     said = statements(experiment, found)
     drawn = _figures(experiment, laboratory, found)
     pngs = {_file(one): one.png for one in drawn if one.png is not None}
@@ -53,6 +49,12 @@ def present(
     content = document(experiment, tables, said, found, shown, provenance, why)
     files = {DOCUMENT: json_bytes(content), **_table_files(tables, said), **pngs}
     return {**files, PAGE: page(content, pngs).encode()}
+
+
+def tables_of(experiment: Experiment, found: Sequence[Curve]) -> list[Table]:
+    """All tables, the paper's first."""
+    first = [*paper_tables(experiment), costs_table(experiment)]
+    return [*first, *further_tables(experiment, found, transfers(experiment))]
 
 
 def _figures(experiment: Experiment, laboratory: Laboratory, found: Sequence[Curve]) -> list[Drawn]:
