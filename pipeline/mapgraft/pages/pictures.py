@@ -55,9 +55,9 @@ def png_uri(pixels: Pixels, palette: Palette | None = None) -> str:
 
 def png(pixels: Pixels, palette: Palette | None = None) -> bytes:
     """A PNG file; equal pixels give equal bytes. Raises ValueError when shape and palette do not fit."""
-    colours = 1 if pixels.ndim == 2 else pixels.shape[2]
+    colours = {2: 1, 3: pixels.shape[-1]}.get(pixels.ndim, 0) if pixels.size else 0
     kind = {1: _PALETTE, 3: _RGB, 4: _RGBA}.get(colours)
-    if pixels.dtype != np.uint8 or pixels.size == 0 or kind is None or (kind == _PALETTE) != (palette is not None):
+    if pixels.dtype != np.uint8 or kind is None or (kind == _PALETTE) != (palette is not None):
         raise ValueError(
             "a picture is (h, w) uint8 with a palette, or (h, w, 3) or (h, w, 4) uint8 without one, "
             f"found {pixels.dtype} {pixels.shape} {'with' if palette is not None else 'without'} a palette"

@@ -92,7 +92,7 @@ def _reverted(moment: Moment) -> View:
     canvas = Canvas.around(before.own_raster(), before.donor_raster(event.donor), before.fused_raster())
     if canvas is None or fused is None:
         return view
-    said = f"{short(event.receiver)}'s map after {event.merge_id} was reverted"
+    said = f"{short(event.receiver)}'s map after {short(event.merge_id)} was reverted"
     picture = fused_picture(canvas.cells_of(own), canvas.cells_of(fused), canvas.cell_m, said)
     return View(
         view.title, view.overlay, view.difference, view.agreement, view.fused, view.fused_title,

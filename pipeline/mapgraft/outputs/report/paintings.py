@@ -164,5 +164,8 @@ def _reduced(painted: Painted, times: int) -> Painted:
     h, w = (-(-side // times) * times for side in painted.shape)
     padded = np.zeros((h, w), np.uint8)
     padded[: painted.shape[0], : painted.shape[1]] = painted
-    out: Painted = padded.reshape(h // times, times, w // times, times).max(axis=(1, 3))
+    out = padded[::times, ::times].copy()
+    for row in range(times):
+        for column in range(times):
+            np.maximum(out, padded[row::times, column::times], out=out)
     return out

@@ -83,7 +83,9 @@ class Canvas:
             columns, inside_x = _looked_up(
                 self.x_m, self.cell_m, self.columns, raster.x_m, raster.cell_m, raster.cells.shape[1]
             )
-            out[np.ix_(inside_y, inside_x)] = raster.cells[np.ix_(rows, columns)]
+            if len(rows) and len(columns):
+                whole = (slice(inside_y[0], inside_y[-1] + 1), slice(inside_x[0], inside_x[-1] + 1))
+                out[whole] = raster.cells[rows][:, columns]
             return out
         at_row, at_column = np.nonzero(raster.cells)
         rows = np.floor((raster.y_m + (at_row + 0.5) * raster.cell_m - self.y_m) / self.cell_m).astype(np.intp)

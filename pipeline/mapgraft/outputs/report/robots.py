@@ -15,7 +15,7 @@ from mapgraft.outputs.report.folder import FinishedRun
 from mapgraft.outputs.report.gallery import Gallery
 from mapgraft.outputs.report.paintings import fused_picture, map_picture
 from mapgraft.outputs.report.rasters import Canvas
-from mapgraft.outputs.report.words import count, number
+from mapgraft.outputs.report.words import count, number, short
 from mapgraft.pages import Picture
 
 _MOST_PICTURED: Final = 16  # robots
@@ -77,11 +77,11 @@ def _pictures(
     canvas = Canvas.around(own, fused if has_merges else None)
     if canvas is None:
         return None, None, ""
-    mine = canvas.cells_of(own)
-    picture = map_picture(mine, canvas.cell_m, f"{name}'s own map at the end")
+    mine, said = canvas.cells_of(own), short(name)
+    picture = map_picture(mine, canvas.cell_m, f"{said}'s own map at the end")
     merged = None
     if has_merges and fused is not None and not (canvas.cells_of(fused) == mine).all():
-        merged = fused_picture(mine, canvas.cells_of(fused), canvas.cell_m, f"{name}'s map with its merges at the end")
+        merged = fused_picture(mine, canvas.cells_of(fused), canvas.cell_m, f"{said}'s map with its merges at the end")
     return picture, merged, _over(canvas, way_m)
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -72,18 +74,14 @@ class Scenes:
     """The maps in a merge recording. ``last`` holds every robot's maps as they were said last, after ``moments``."""
 
     def __init__(self, path: Path) -> None:
-        from mcap.exceptions import McapError
         from mcap.reader import make_reader
 
         self._path = path
-        try:
-            with path.open("rb") as stream:
-                reader = make_reader(stream)
-                summary = reader.get_summary()
-                names = {record.name: record.metadata for record in reader.iter_metadata()}
-                attached = {record.name: record.data for record in reader.iter_attachments()}
-        except (McapError, OSError) as error:
-            raise UsageError(f"{path} cannot be read ({error}): run again") from error
+        with _reading(path), path.open("rb") as stream:
+            reader = make_reader(stream)
+            summary = reader.get_summary()
+            names = {record.name: record.metadata for record in reader.iter_metadata()}
+            attached = {record.name: record.data for record in reader.iter_attachments()}
         if summary is None or "merge_names" not in names:
             raise UsageError(f"{path} was not finished or is no merge recording: run again")
         self.metadata, self.attached = names, attached
@@ -124,7 +122,7 @@ class Scenes:
         from mcap.reader import make_reader
 
         wanted = [EVENTS, *(topic for topic, whose in self._maps.items() if whose is not None)]
-        with self._path.open("rb") as stream:
+        with _reading(self._path), self._path.open("rb") as stream:
             for _, channel, message in make_reader(stream).iter_messages(topics=wanted, log_time_order=False):
                 yield channel.topic, message.log_time, message.data
 
@@ -152,3 +150,14 @@ class Scenes:
         if parts[1] == "merged" and len(parts) > 2:
             return robot, "merged", "", "/".join(parts[2:])
         return robot, "own", "", "/".join(parts[1:])
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    """Turns what a damaged file gives into a UsageError of one sentence."""
+    from mcap.exceptions import McapError
+
+    try:
+        yield
+    except (McapError, OSError, struct.error, ValueError) as error:
+        raise UsageError(f"{path} cannot be read ({error or type(error).__name__}): run again") from error

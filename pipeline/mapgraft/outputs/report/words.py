@@ -88,7 +88,8 @@ def count(n: int, one: str, many: str = "") -> str:
 
 def listed(names: Sequence[str]) -> str:
     """``a, b and c``; of many the first ones and how many more there are."""
-    shown = list(names) if len(names) <= _LISTED else [*names[: _LISTED - 1], f"{len(names) - _LISTED + 1} more"]
+    names = [short(name) for name in names]
+    shown = names if len(names) <= _LISTED else [*names[: _LISTED - 1], f"{len(names) - _LISTED + 1} more"]
     return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} and {shown[-1]}" if shown else "nobody"
 
 
