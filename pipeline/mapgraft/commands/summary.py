@@ -33,7 +33,9 @@ def print_summary(result: Result) -> None:
         console.print(cell(sentence), style="yellow")
     if result.folder:
         page = result.folder / REPORT
-        console.print(cell(f"Written to {result.folder}" + (f"; to look at: {page}" if page.is_file() else "")))
+        console.print(cell(f"Written to {result.folder}"))
+        if page.is_file():
+            console.print(cell(f"To look at: {page}"))
 
 
 def as_json_summary(result: Result) -> dict[str, Any]:
