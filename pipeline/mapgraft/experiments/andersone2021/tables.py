@@ -97,8 +97,12 @@ class Table:
 
 def markdown(table: Table) -> str:
     """The table with its title and its note."""
-    body = "\n".join("| " + " | ".join(line) + " |" for line in _framed(table))
-    return f"### {table.title}\n\n{table.note}\n\n{body}\n"
+    return f"### {table.title}\n\n{table.note}\n\n{table_text(table)}\n"
+
+
+def table_text(table: Table) -> str:
+    """The table alone, in Markdown."""
+    return "\n".join("| " + " | ".join(line) + " |" for line in _framed(table))
 
 
 def csv_text(table: Table) -> str:
