@@ -209,7 +209,7 @@ def _distance_is_better(experiment: Experiment, curves: Sequence[Curve]) -> Stat
         "paper",
         "With one map DM tells wrong merges better than SM does.",
         f"Areas under the curve of DM and SM by resolutions: {told}." if told else "There are too few merges to tell.",
-        all(dm > sm for dm, sm in pairs) if pairs else None,
+        all(dm >= sm for dm, sm in pairs) and any(dm > sm for dm, sm in pairs) if pairs else None,
     )
 
 
