@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import re
 import shutil
+import subprocess
+import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from plots import ALPHA, AT, UNDERSCORE, told
+from plots import ALPHA, AT, UNDERSCORE, Plot, PlotType, told
 
 from mapgraft.config import Config, RobotConfig
-from mapgraft.events import Event
+from mapgraft.contracts import Map, OutputMessage
+from mapgraft.events import DonorMap, Event, Snapshot
 from mapgraft.outputs.report import page_of
 from mapgraft.outputs.report.page import MOST_BYTES, MOST_MERGES
 
@@ -151,6 +155,33 @@ def test_without_snapshots_it_says_why_there_are_no_pictures(many, finish, read,
     story = [item for item in many(2) if isinstance(item, Event)]
     text = read(page_of(finish(tmp_path / "out", story))).text
     assert "There are no pictures of merges" in text and "alpha.bravo.1" in text
+
+
+class Outlines(PlotType):
+    """The type of ``plots``, shown in a message that nobody draws."""
+
+    def messages(self, map_: Map) -> list[OutputMessage]:
+        return [OutputMessage("outline", "geometry_msgs/msg/PolygonStamped", {})]
+
+
+def test_maps_that_have_no_picture_are_named(many, finish, read, tmp_path: Path) -> None:
+    outlines = Outlines()
+    shown = {"a": DonorMap(outlines, Plot({(0, 0): 0}))}
+    changes = {"map_type": outlines, "donors": shown}
+    story = [replace(item, **changes) if isinstance(item, Snapshot) else item for item in many(2)]
+    found = read(page_of(finish(tmp_path / "out", story)))
+    assert "No picture: its map is shown as geometry_msgs/msg/PolygonStamped." in found.text
+    assert not found.attributes("src")
+
+
+def test_it_needs_no_plugin(folder: Path) -> None:
+    code = (
+        "import sys; from pathlib import Path; from mapgraft.commands.report import page_of\n"
+        "page_of(Path(sys.argv[1]))\n"
+        "print({name.split('.')[0] for name in sys.modules if name.startswith('mapgraft_')})"
+    )
+    done = subprocess.run([sys.executable, "-c", code, folder], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "{'mapgraft_schemas'}"
 
 
 def test_what_the_configuration_changes_is_listed_without_places(finish, read, tmp_path: Path) -> None:
