@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from mapgraft.events import Event
 from mapgraft.outputs.report.paintings import (
@@ -80,48 +80,45 @@ def paint(scenes: Scenes, events: Iterable[Sequence[Event]]) -> Gallery:
 
 
 def _merged(moment: Moment) -> View:
-    event, contains = moment.event, False  # before the merge the receiver's map is its own under every reversal
-    return _view(event, moment.before, moment.after, "at the merge", "with what came in", contains)
+    """Before a merge the receiver's map is its own under every reversal, or what earlier merges have made of it."""
+    return _view(moment.event, moment.before, moment.after, "at the merge", "with what came in")
 
 
 def _reverted(moment: Moment) -> View:
-    event, before = moment.event, moment.before
-    contains = event.reversal == "single_map"
-    view = _view(event, before, before, "just before it was reverted", "before the revert", contains)
-    own, fused = (raster() for raster in (moment.after.own_raster, moment.after.fused_raster))
+    event, before, after = moment.event, moment.before, moment.after
+    view = _view(event, before, before, "just before it was reverted", "before the revert", _is_one_map(event))
+    own, fused = after.own_raster(), after.fused_raster()
     canvas = Canvas.around(before.own_raster(), before.donor_raster(event.donor), before.fused_raster())
     if canvas is None or fused is None:
         return view
     said = f"{short(event.receiver)}'s map after {short(event.merge_id)} was reverted"
     picture = fused_picture(canvas.cells_of(own), canvas.cells_of(fused), canvas.cell_m, said)
-    return View(
-        view.title, view.overlay, view.difference, view.agreement, view.fused, view.fused_title,
-        picture, "after the revert", contains,
-    )  # fmt: skip
+    return replace(view, after=picture, after_title="after the revert")
 
 
 def _last(event: Event, look: Look) -> View:
-    return _view(event, look, look, "at the end", "at the end", event.reversal == "single_map")
+    return _view(event, look, look, "at the end", "at the end", _is_one_map(event))
 
 
-def _view(event: Event, compared: Look, shown: Look, when: str, which: str, contains: bool) -> View:
+def _is_one_map(event: Event) -> bool:
+    """Whether the receiver's own map holds the donor's while the merge stands."""
+    return event.reversal == "single_map"
+
+
+def _view(event: Event, compared: Look, shown: Look, when: str, which: str, contains: bool = False) -> View:
     """``compared`` holds the two maps that are held against each other, ``shown`` the receiver's with its merges."""
-    own, donor = compared.own_raster(), compared.donor_raster(event.donor)
-    fused, fused_own = shown.fused_raster(), shown.own_raster()
+    own, donor, fused = compared.own_raster(), compared.donor_raster(event.donor), shown.fused_raster()
     canvas = Canvas.around(own, donor, fused)
     if canvas is None:
         return View(when, None, None, None, None, which)
-    mine, theirs = canvas.cells_of(own), canvas.cells_of(donor)
-    receiver, giver, cell_m = short(event.receiver), short(event.donor), canvas.cell_m
-    overlay = difference = agreement = None
+    mine, cell_m = canvas.cells_of(own), canvas.cell_m
+    receiver, giver = short(event.receiver), short(event.donor)
+    overlay = difference = agreement = merged = None
     if own is not None and donor is not None:
+        theirs = canvas.cells_of(donor)
         overlay = overlay_picture(mine, theirs, cell_m, f"{receiver}'s map and {giver}'s on each other {when}")
         said = f"where {receiver}'s map and {giver}'s agree and contradict {when}"
         difference, agreement = difference_picture(mine, theirs, cell_m, said)
-    merged = None
     if fused is not None:
-        kept = mine if contains or compared is shown else canvas.cells_of(fused_own)
-        if event.reversal == "single_map" and compared is not shown:
-            kept = mine  # of a single map only what it was before tells what came in
-        merged = fused_picture(kept, canvas.cells_of(fused), cell_m, f"{receiver}'s merged map {which}")
+        merged = fused_picture(mine, canvas.cells_of(fused), cell_m, f"{receiver}'s merged map {which}")
     return View(when, overlay, difference, agreement, merged, which, contains=contains)
