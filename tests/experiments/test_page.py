@@ -10,10 +10,13 @@ from pathlib import Path
 
 import pytest
 from rich.console import Console
+from typer.testing import CliRunner
 
+from mapgraft.cli import app
+from mapgraft.errors import UsageError
 from mapgraft.experiments.andersone2021.detection import curves
 from mapgraft.experiments.andersone2021.document import document, statements_in, tables_in
-from mapgraft.experiments.andersone2021.page import SECTIONS, page
+from mapgraft.experiments.andersone2021.page import SECTIONS, page, page_of
 from mapgraft.experiments.andersone2021.presentation import json_bytes, tables_of
 from mapgraft.experiments.andersone2021.statements import statements
 from mapgraft.experiments.andersone2021.summary import show
@@ -65,6 +68,36 @@ def document_of(experiment, provenance):
 
 def test_the_page_can_be_made_again_from_the_folder(files, content, pngs):
     assert page(content, pngs).encode() == files["report.html"]
+
+
+def test_the_report_command_makes_it_from_the_folder(files, tmp_path):
+    for name, content in files.items():
+        if name != "report.html":
+            (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / name).write_bytes(content)
+    result = CliRunner().invoke(app, ["report", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "report.html").read_bytes() == files["report.html"]
+
+
+def test_damage_is_said(files, tmp_path, content):
+    with pytest.raises(UsageError, match="cannot be read"):
+        page_of(tmp_path)
+    place = tmp_path / "experiment.json"
+    del content["tables"][3]["rows"][0]["cells"]
+    for damaged in ("{", "[]", '{"figures": []}', json.dumps(content)):
+        place.write_text(damaged)
+        with pytest.raises(UsageError, match="damaged or of another version"):
+            page_of(tmp_path)
+
+
+def test_no_file_outside_of_the_folder_becomes_a_figure(content, pngs, tmp_path):
+    (tmp_path / "secret.png").write_bytes(next(iter(pngs.values())))
+    folder = tmp_path / "out"
+    folder.mkdir()
+    content["figures"] = [{**content["figures"][0], "file": "../secret.png"}]
+    (folder / "experiment.json").write_text(json.dumps(content))
+    assert seen(page_of(folder)).tags.count("img") == 0
 
 
 def test_another_format_is_no_page():

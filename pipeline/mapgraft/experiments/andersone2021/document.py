@@ -18,6 +18,7 @@ from mapgraft.experiments.andersone2021.statements import Statement
 from mapgraft.experiments.andersone2021.tables import Column, Number, Row, Table
 from mapgraft.outputs.provenance import RunProvenance
 
+DOCUMENT: Final = "experiment.json"  # its name in a folder
 FORMAT: Final = "mapgraft experiment andersone2021 1"
 
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import base64
+import json
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any, Final
 
-from mapgraft.experiments.andersone2021.document import FORMAT, statements_in, tables_in
+from mapgraft.errors import UsageError
+from mapgraft.experiments.andersone2021.document import DOCUMENT, FORMAT, statements_in, tables_in
 from mapgraft.experiments.andersone2021.statements import Statement
 from mapgraft.experiments.andersone2021.tables import Table
 from mapgraft.pages import render
@@ -79,6 +81,29 @@ SECTIONS: Final = (
         ("costs",),
     ),
 )
+
+
+def page_of(folder: Path) -> str:
+    """The page of a folder that ``mapgraft experiment andersone2021`` wrote, made anew from its JSON and its figures.
+
+    Raises UsageError when there is no such JSON, or when it is damaged.
+    """
+    path = folder / DOCUMENT
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        names = [told["file"] for told in content["figures"] if told["file"]]
+        figures = {name: (folder / name).read_bytes() for name in names if _is_inside(folder, name)}
+        return page(content, figures)
+    except OSError as error:
+        raise UsageError(f"{path} cannot be read: {error.strerror}; give the folder of an experiment") from None
+    except (ValueError, KeyError, TypeError, AttributeError, StopIteration) as error:
+        raise UsageError(f"{path} is damaged or of another version ({error}): run the experiment again") from None
+
+
+def _is_inside(folder: Path, name: str) -> bool:
+    """Whether a figure's name leads to a file of the folder: the JSON may be anybody's."""
+    place = (folder / name).resolve()
+    return place.is_relative_to(folder.resolve()) and place.is_file()
 
 
 def page(document: Mapping[str, Any], figures: Mapping[str, bytes]) -> str:

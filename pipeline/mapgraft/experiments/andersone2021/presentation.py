@@ -16,7 +16,7 @@ from mapgraft.experiments.andersone2021.charts import (
     resolution_figure,
 )
 from mapgraft.experiments.andersone2021.detection import Curve, curves, transfers
-from mapgraft.experiments.andersone2021.document import Shown, document
+from mapgraft.experiments.andersone2021.document import DOCUMENT, Shown, document
 from mapgraft.experiments.andersone2021.drawn import Drawn
 from mapgraft.experiments.andersone2021.outcome import Experiment
 from mapgraft.experiments.andersone2021.page import page
@@ -26,7 +26,6 @@ from mapgraft.experiments.andersone2021.statements import Statement, statements
 from mapgraft.experiments.andersone2021.tables import Table, csv_text, markdown, parquet_bytes
 from mapgraft.outputs.provenance import RunProvenance
 
-DOCUMENT: Final = "experiment.json"
 PAGE: Final = "report.html"
 TITLE: Final = "The experiment of Andersone 2021, with a third column"
 _HOLDS: Final = {True: "holds", False: "does not hold", None: "cannot be told"}
