@@ -20,9 +20,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any, Final
 
-from mapgraft.experiments.andersone2021.document import FORMAT, statements_in, tables_in
-from mapgraft.experiments.andersone2021.statements import Statement
-from mapgraft.experiments.andersone2021.tables import Table, table_text
+from mapgraft.experiments.andersone2021.telling.document import FORMAT, statements_in, tables_in
+from mapgraft.experiments.andersone2021.telling.statements import Statement
+from mapgraft.experiments.andersone2021.telling.tables import Table, table_text
 
 DOCS: Final = Path(__file__).parents[2] / "docs"
 PAGE, DATA = DOCS / "paper.md", DOCS / "paper.json"

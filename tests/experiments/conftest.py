@@ -21,8 +21,8 @@ from mapgraft.experiments.andersone2021 import (
     conduct,
 )
 from mapgraft.experiments.andersone2021.outcome import Cost, Leftovers, Watched
-from mapgraft.experiments.andersone2021.presentation import present
 from mapgraft.experiments.andersone2021.settings import PAPER
+from mapgraft.experiments.andersone2021.telling.presentation import present
 from mapgraft.job import provenance_of
 from mapgraft.outputs.provenance import RunProvenance
 from mapgraft.plugins import load_plugins

@@ -10,7 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapgraft.evaluation.statistics import area
-from mapgraft.experiments.andersone2021.detection import (
+from mapgraft.experiments.andersone2021.outcome import Watched
+from mapgraft.experiments.andersone2021.settings import PAPER
+from mapgraft.experiments.andersone2021.telling.detection import (
     POOLED,
     WATCHED,
     best_threshold,
@@ -21,8 +23,6 @@ from mapgraft.experiments.andersone2021.detection import (
     transfers,
     verdicts,
 )
-from mapgraft.experiments.andersone2021.outcome import Watched
-from mapgraft.experiments.andersone2021.settings import PAPER
 
 NAN = math.nan
 numbers = st.lists(st.tuples(st.integers(-4, 4).map(float) | st.just(NAN), st.booleans()), min_size=1, max_size=30)

@@ -8,12 +8,12 @@ import struct
 import numpy as np
 import pytest
 
-from mapgraft.experiments.andersone2021.charts import areas_figure, curves_figure, histograms, resolution_figure
-from mapgraft.experiments.andersone2021.detection import curves
-from mapgraft.experiments.andersone2021.examples import remake, right_example, wrong_example
-from mapgraft.experiments.andersone2021.pictures import left_masks, map_figures, shades
 from mapgraft.experiments.andersone2021.raster import Raster, raster_of
 from mapgraft.experiments.andersone2021.settings import PAPER, STRATEGIES
+from mapgraft.experiments.andersone2021.telling.charts import areas_figure, curves_figure, histograms, resolution_figure
+from mapgraft.experiments.andersone2021.telling.detection import curves
+from mapgraft.experiments.andersone2021.telling.examples import remake, right_example, wrong_example
+from mapgraft.experiments.andersone2021.telling.pictures import left_masks, map_figures, shades
 
 
 def test_every_figure_is_a_png_of_a_sensible_size(files):

@@ -14,13 +14,13 @@ from typer.testing import CliRunner
 
 from mapgraft.cli import app
 from mapgraft.errors import UsageError
-from mapgraft.experiments.andersone2021.detection import curves
-from mapgraft.experiments.andersone2021.document import document, statements_in, tables_in
-from mapgraft.experiments.andersone2021.page import SECTIONS, page, page_of
-from mapgraft.experiments.andersone2021.presentation import json_bytes, tables_of
-from mapgraft.experiments.andersone2021.statements import statements
-from mapgraft.experiments.andersone2021.summary import show
-from mapgraft.experiments.andersone2021.tables import csv_text, markdown
+from mapgraft.experiments.andersone2021.telling.detection import curves
+from mapgraft.experiments.andersone2021.telling.document import document, statements_in, tables_in
+from mapgraft.experiments.andersone2021.telling.page import SECTIONS, page, page_of
+from mapgraft.experiments.andersone2021.telling.presentation import json_bytes, tables_of
+from mapgraft.experiments.andersone2021.telling.statements import statements
+from mapgraft.experiments.andersone2021.telling.summary import show
+from mapgraft.experiments.andersone2021.telling.tables import csv_text, markdown
 
 
 @pytest.fixture

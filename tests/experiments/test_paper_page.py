@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from mapgraft.experiments.andersone2021.as_published import quantities
-from mapgraft.experiments.andersone2021.document import FORMAT, statements_in, tables_in
-from mapgraft.experiments.andersone2021.published import published
 from mapgraft.experiments.andersone2021.settings import PAPER
+from mapgraft.experiments.andersone2021.telling.as_published import quantities
+from mapgraft.experiments.andersone2021.telling.document import FORMAT, statements_in, tables_in
+from mapgraft.experiments.andersone2021.telling.published import published
 
 ROOT = Path(__file__).parents[2]
 
@@ -57,7 +57,7 @@ def test_the_run_is_the_papers(content):
 
 def test_the_ledgers_promises_hold_in_the_run(content):
     said = {one.name: one for one in statements_in(content)}
-    for name in ("ledger_metrics", "ledger_revert", "ledger_cost", "ledger_cost_of_metrics", "experiment_time"):
+    for name in ("ledger_metrics", "ledger_revert", "ledger_cost", "ledger_cost_of_metrics"):
         assert said[name].holds is True, said[name].found
 
 

@@ -9,12 +9,20 @@ import math
 import pyarrow.parquet as pq
 import pytest
 
-from mapgraft.experiments.andersone2021.as_published import costs_table, paper_tables
-from mapgraft.experiments.andersone2021.beyond import searches_table, ways_table
-from mapgraft.experiments.andersone2021.detection import curves
-from mapgraft.experiments.andersone2021.published import published
 from mapgraft.experiments.andersone2021.settings import PAPER
-from mapgraft.experiments.andersone2021.tables import Column, Number, Row, Table, csv_text, markdown, parquet_bytes
+from mapgraft.experiments.andersone2021.telling.as_published import costs_table, paper_tables
+from mapgraft.experiments.andersone2021.telling.beyond import searches_table, ways_table
+from mapgraft.experiments.andersone2021.telling.detection import curves
+from mapgraft.experiments.andersone2021.telling.published import published
+from mapgraft.experiments.andersone2021.telling.tables import (
+    Column,
+    Number,
+    Row,
+    Table,
+    csv_text,
+    markdown,
+    parquet_bytes,
+)
 
 
 @pytest.fixture

@@ -29,9 +29,9 @@ def conduct_and_show(
     without: Sequence[str],
 ) -> None:
     """Conduct the experiment, write its folder, and print what came of it."""
-    from mapgraft.experiments.andersone2021.presentation import present
     from mapgraft.experiments.andersone2021.store import parquet_files
-    from mapgraft.experiments.andersone2021.summary import show
+    from mapgraft.experiments.andersone2021.telling.presentation import present
+    from mapgraft.experiments.andersone2021.telling.summary import show
 
     plugins, checked = load_plugins(without), as_config(config)
     for broken in plugins.broken:

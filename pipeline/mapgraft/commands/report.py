@@ -13,7 +13,7 @@ from mapgraft.errors import UsageError
 # What a folder holds → the function that makes its page, ``page_of(folder: Path) -> str``. The first that fits does.
 PAGES: Final = {
     "summary.json": "mapgraft.outputs.report:page_of",
-    "experiment.json": "mapgraft.experiments.andersone2021.page:page_of",
+    "experiment.json": "mapgraft.experiments.andersone2021.telling.page:page_of",
 }
 
 

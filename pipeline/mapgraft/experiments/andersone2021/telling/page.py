@@ -11,9 +11,9 @@ from pathlib import Path, PurePath
 from typing import Any, Final
 
 from mapgraft.errors import UsageError
-from mapgraft.experiments.andersone2021.document import DOCUMENT, FORMAT, statements_in, tables_in
-from mapgraft.experiments.andersone2021.statements import Statement
-from mapgraft.experiments.andersone2021.tables import Table
+from mapgraft.experiments.andersone2021.telling.document import DOCUMENT, FORMAT, statements_in, tables_in
+from mapgraft.experiments.andersone2021.telling.statements import Statement
+from mapgraft.experiments.andersone2021.telling.tables import Table
 from mapgraft.pages import render
 
 TEMPLATE: Final = "andersone2021.html"

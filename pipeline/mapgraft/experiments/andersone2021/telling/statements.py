@@ -11,7 +11,9 @@ from typing import Final, Literal
 import numpy as np
 
 from mapgraft.config import ReversalName
-from mapgraft.experiments.andersone2021.as_published import (
+from mapgraft.experiments.andersone2021.outcome import Experiment, Kept, Merge
+from mapgraft.experiments.andersone2021.settings import METRICS, SHORT, STRATEGIES
+from mapgraft.experiments.andersone2021.telling.as_published import (
     COSTS,
     KINDS,
     METRIC_NAMES,
@@ -21,10 +23,8 @@ from mapgraft.experiments.andersone2021.as_published import (
     of,
     ratio,
 )
-from mapgraft.experiments.andersone2021.detection import Curve, verdicts
-from mapgraft.experiments.andersone2021.outcome import Experiment, Kept, Merge
-from mapgraft.experiments.andersone2021.published import published
-from mapgraft.experiments.andersone2021.settings import METRICS, SHORT, STRATEGIES
+from mapgraft.experiments.andersone2021.telling.detection import Curve, verdicts
+from mapgraft.experiments.andersone2021.telling.published import published
 
 COST_MAX: Final = 1.1  # of one map's, what the ledger may cost
 LITTLE: Final = 0.1  # share of the merges in the range of both kinds up to which ranges overlap little
@@ -32,7 +32,6 @@ MUCH: Final = 0.5  # and from which on they are very similar
 TRACES: Final = 0.05  # share of the known cells up to which what a revert leaves is insignificant
 
 TWO: Final[tuple[ReversalName, ReversalName]] = ("single_map", "multi_map")  # of which the paper tells
-_MINUTES: Final = 2.0  # in which all of it should be done
 
 Source = Literal["ledger", "paper", "tables", "rules"]
 
@@ -95,15 +94,6 @@ def _of_the_ledger(experiment: Experiment) -> Iterator[Statement]:
     )
     yield _cost_of_the_ledger(experiment)
     yield _cost_with_metrics(experiment)
-    yield Statement(
-        "experiment_time",
-        "ledger",
-        f"The whole experiment takes less than {_MINUTES:g} minutes.",
-        f"It took {experiment.elapsed_s:.0f} s for {len(merges)} merges, each kept and taken out again in "
-        f"{len(STRATEGIES)} ways.",
-        experiment.elapsed_s < 60.0 * _MINUTES,
-        timed=True,
-    )
 
 
 def _same_numbers(a: Kept, b: Kept) -> bool:

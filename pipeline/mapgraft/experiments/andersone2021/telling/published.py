@@ -11,7 +11,7 @@ from typing import Any
 from ruamel.yaml import YAML
 
 from mapgraft.experiments.andersone2021.settings import Combination
-from mapgraft.experiments.andersone2021.tables import Number
+from mapgraft.experiments.andersone2021.telling.tables import Number
 
 SOURCE = (
     "I. Andersone, Distributed Framework for Reversible Merging of Heterogeneous Robot Maps, ICAART 2021, volume 1, "
@@ -40,7 +40,7 @@ class Published:
 @cache
 def published() -> Published:
     """The paper's tables 1 to 4."""
-    text = files("mapgraft.experiments.andersone2021").joinpath("published.yaml").read_text(encoding="utf-8")
+    text = files(__package__).joinpath("published.yaml").read_text(encoding="utf-8")
     content: Mapping[str, Any] = YAML(typ="safe", pure=True).load(text)
     ranges = {key: given for part in content["ranges"] for key, given in _entries(part)}
     numbers = {

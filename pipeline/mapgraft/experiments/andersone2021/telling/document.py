@@ -10,12 +10,12 @@ from typing import Any, Final
 from mapgraft.evaluation.document import finite
 from mapgraft.evaluation.statistics import LEVEL, RESAMPLES
 from mapgraft.evaluation.truth import RIGHT_DEG, RIGHT_M
-from mapgraft.experiments.andersone2021.choices import choices
-from mapgraft.experiments.andersone2021.detection import WATCHED, Curve
 from mapgraft.experiments.andersone2021.outcome import Experiment
-from mapgraft.experiments.andersone2021.published import SOURCE
-from mapgraft.experiments.andersone2021.statements import Statement
-from mapgraft.experiments.andersone2021.tables import Column, Number, Row, Table
+from mapgraft.experiments.andersone2021.telling.choices import choices
+from mapgraft.experiments.andersone2021.telling.detection import WATCHED, Curve
+from mapgraft.experiments.andersone2021.telling.published import SOURCE
+from mapgraft.experiments.andersone2021.telling.statements import Statement
+from mapgraft.experiments.andersone2021.telling.tables import Column, Number, Row, Table
 from mapgraft.outputs.provenance import RunProvenance
 
 DOCUMENT: Final = "experiment.json"  # its name in a folder

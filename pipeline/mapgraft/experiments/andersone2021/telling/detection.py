@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from mapgraft.config import ReversalName
 from mapgraft.evaluation.evaluating import blocks_of
 from mapgraft.evaluation.statistics import Area, Better, Weights, area, clopper_pearson, resampled
-from mapgraft.experiments.andersone2021.as_published import MOMENTS, of
 from mapgraft.experiments.andersone2021.outcome import Experiment, Merge
 from mapgraft.experiments.andersone2021.settings import METRICS, STRATEGIES, Combination
+from mapgraft.experiments.andersone2021.telling.as_published import MOMENTS, of
 
 POOLED: Final = "together"
 WATCHED: Final = "watched"  # where numbers are our own rules' and not of a way of keeping the merge

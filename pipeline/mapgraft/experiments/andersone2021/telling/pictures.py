@@ -10,7 +10,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft.experiments.andersone2021.drawn import (
+from mapgraft.experiments.andersone2021.outcome import Experiment, Kept, Leftovers
+from mapgraft.experiments.andersone2021.protocol import Laboratory
+from mapgraft.experiments.andersone2021.raster import OCCUPIED, Raster, raster_of
+from mapgraft.experiments.andersone2021.settings import SHORT, STRATEGIES
+from mapgraft.experiments.andersone2021.telling.drawn import (
     BLUE,
     INK,
     ORANGE,
@@ -21,11 +25,7 @@ from mapgraft.experiments.andersone2021.drawn import (
     drawing,
     png_of,
 )
-from mapgraft.experiments.andersone2021.examples import Remade, remake, right_example, wrong_example
-from mapgraft.experiments.andersone2021.outcome import Experiment, Kept, Leftovers
-from mapgraft.experiments.andersone2021.protocol import Laboratory
-from mapgraft.experiments.andersone2021.raster import OCCUPIED, Raster, raster_of
-from mapgraft.experiments.andersone2021.settings import SHORT, STRATEGIES
+from mapgraft.experiments.andersone2021.telling.examples import Remade, remake, right_example, wrong_example
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

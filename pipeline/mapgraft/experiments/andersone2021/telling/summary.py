@@ -10,11 +10,11 @@ from rich.table import Table as Lines
 from rich.text import Text
 
 from mapgraft.console import cell
-from mapgraft.experiments.andersone2021.as_published import paper_tables
-from mapgraft.experiments.andersone2021.detection import curves
 from mapgraft.experiments.andersone2021.outcome import Experiment
-from mapgraft.experiments.andersone2021.statements import Statement, statements
-from mapgraft.experiments.andersone2021.tables import NONE, Row
+from mapgraft.experiments.andersone2021.telling.as_published import paper_tables
+from mapgraft.experiments.andersone2021.telling.detection import curves
+from mapgraft.experiments.andersone2021.telling.statements import Statement, statements
+from mapgraft.experiments.andersone2021.telling.tables import NONE, Row
 
 SHOWN: Final = ("end_similarity", "end_distance", "update_ratio")  # of the paper's tables
 _MARKS: Final = {True: ("✓", "green"), False: ("✗", "red"), None: ("?", "yellow")}

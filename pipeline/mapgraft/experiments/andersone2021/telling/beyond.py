@@ -7,8 +7,10 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Final
 
 from mapgraft.config import ReversalName
-from mapgraft.experiments.andersone2021.as_published import COSTS, KINDS, METRIC_NAMES, mean, of, ranged, ratio
-from mapgraft.experiments.andersone2021.detection import (
+from mapgraft.experiments.andersone2021.outcome import Experiment, Kept, Merge
+from mapgraft.experiments.andersone2021.settings import METRICS, SHORT, STRATEGIES
+from mapgraft.experiments.andersone2021.telling.as_published import COSTS, KINDS, METRIC_NAMES, mean, of, ranged, ratio
+from mapgraft.experiments.andersone2021.telling.detection import (
     POOLED,
     WATCHED,
     Curve,
@@ -19,9 +21,7 @@ from mapgraft.experiments.andersone2021.detection import (
     shipped_limits,
     verdicts,
 )
-from mapgraft.experiments.andersone2021.outcome import Experiment, Kept, Merge
-from mapgraft.experiments.andersone2021.settings import METRICS, SHORT, STRATEGIES
-from mapgraft.experiments.andersone2021.tables import Column, Number, Row, Table
+from mapgraft.experiments.andersone2021.telling.tables import Column, Number, Row, Table
 
 SOURCES: Final = {**SHORT, WATCHED: "our rules"}
 _LEFT: Final[dict[str, tuple[str, Callable[[Kept], float]]]] = {

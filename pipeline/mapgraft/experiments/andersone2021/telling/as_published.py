@@ -10,9 +10,9 @@ import numpy as np
 
 from mapgraft.config import ReversalName
 from mapgraft.experiments.andersone2021.outcome import Cost, Experiment, Kept, Merge
-from mapgraft.experiments.andersone2021.published import published
 from mapgraft.experiments.andersone2021.settings import METRICS, SHORT, STRATEGIES, Combination
-from mapgraft.experiments.andersone2021.tables import Column, Number, Row, Table
+from mapgraft.experiments.andersone2021.telling.published import published
+from mapgraft.experiments.andersone2021.telling.tables import Column, Number, Row, Table
 
 KINDS: Final = {"right": True, "wrong": False}
 MOMENTS: Final = ("initial", "end")

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from mapgraft.config import ReversalName
-from mapgraft.experiments.andersone2021.as_published import COSTS, KINDS, METRIC_NAMES, MOMENTS, of, ratio
-from mapgraft.experiments.andersone2021.detection import POOLED, WATCHED, Curve, Values, metric_values
-from mapgraft.experiments.andersone2021.drawn import (
+from mapgraft.experiments.andersone2021.outcome import Experiment
+from mapgraft.experiments.andersone2021.settings import METRICS, SHORT, STRATEGIES, Combination
+from mapgraft.experiments.andersone2021.telling.as_published import COSTS, KINDS, METRIC_NAMES, MOMENTS, of, ratio
+from mapgraft.experiments.andersone2021.telling.detection import POOLED, WATCHED, Curve, Values, metric_values
+from mapgraft.experiments.andersone2021.telling.drawn import (
     BLUE,
     GREEN,
     INK,
@@ -23,9 +25,7 @@ from mapgraft.experiments.andersone2021.drawn import (
     drawing,
     png_of,
 )
-from mapgraft.experiments.andersone2021.outcome import Experiment
-from mapgraft.experiments.andersone2021.published import published
-from mapgraft.experiments.andersone2021.settings import METRICS, SHORT, STRATEGIES, Combination
+from mapgraft.experiments.andersone2021.telling.published import published
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

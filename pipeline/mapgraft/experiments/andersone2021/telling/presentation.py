@@ -6,24 +6,24 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from mapgraft.experiments.andersone2021.as_published import costs_table, paper_tables
-from mapgraft.experiments.andersone2021.beyond import further_tables
-from mapgraft.experiments.andersone2021.charts import (
+from mapgraft.experiments.andersone2021.outcome import Experiment
+from mapgraft.experiments.andersone2021.protocol import Laboratory
+from mapgraft.experiments.andersone2021.telling.as_published import costs_table, paper_tables
+from mapgraft.experiments.andersone2021.telling.beyond import further_tables
+from mapgraft.experiments.andersone2021.telling.charts import (
     areas_figure,
     costs_figure,
     curves_figure,
     histograms,
     resolution_figure,
 )
-from mapgraft.experiments.andersone2021.detection import Curve, curves, transfers
-from mapgraft.experiments.andersone2021.document import DOCUMENT, Shown, document
-from mapgraft.experiments.andersone2021.drawn import Drawn
-from mapgraft.experiments.andersone2021.outcome import Experiment
-from mapgraft.experiments.andersone2021.page import page
-from mapgraft.experiments.andersone2021.pictures import map_figures
-from mapgraft.experiments.andersone2021.protocol import Laboratory
-from mapgraft.experiments.andersone2021.statements import Statement, statements
-from mapgraft.experiments.andersone2021.tables import Table, csv_text, markdown, parquet_bytes
+from mapgraft.experiments.andersone2021.telling.detection import Curve, curves, transfers
+from mapgraft.experiments.andersone2021.telling.document import DOCUMENT, Shown, document
+from mapgraft.experiments.andersone2021.telling.drawn import Drawn
+from mapgraft.experiments.andersone2021.telling.page import page
+from mapgraft.experiments.andersone2021.telling.pictures import map_figures
+from mapgraft.experiments.andersone2021.telling.statements import Statement, statements
+from mapgraft.experiments.andersone2021.telling.tables import Table, csv_text, markdown, parquet_bytes
 from mapgraft.outputs.provenance import RunProvenance
 
 PAGE: Final = "report.html"

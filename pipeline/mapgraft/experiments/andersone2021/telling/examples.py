@@ -10,10 +10,10 @@ from typing import Final
 from mapgraft.config import ReversalName
 from mapgraft.contracts import Map, MapType, Match
 from mapgraft.evaluation.building import frame_of
-from mapgraft.experiments.andersone2021.as_published import measured, of
 from mapgraft.experiments.andersone2021.keeping import ID, Graft
 from mapgraft.experiments.andersone2021.outcome import Experiment, Merge
 from mapgraft.experiments.andersone2021.protocol import Laboratory
+from mapgraft.experiments.andersone2021.telling.as_published import measured, of
 from mapgraft.reversal import Reversal
 
 PASSED: Final = 0.95  # SM that the paper's example of a wrong merge exceeds (section 4.3)
