@@ -13,9 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from jinja2 import UndefinedError
-from markupsafe import Markup
 
-from mapgraft.pages import SERIES, drawing, picture, png, png_uri, readable, render, svg
+from mapgraft.pages import picture, png, png_uri, readable, render
 
 TEMPLATES = sorted(p.name for p in (files("mapgraft.pages") / "templates").iterdir())
 
@@ -91,37 +90,3 @@ def test_a_scale_bar_is_round_and_fits(width: int, pixel_m: float) -> None:
     assert 9.9 <= made.bar_percent <= 25.1
     assert length_m == pytest.approx(made.bar_percent / 100 * width * pixel_m, rel=1e-3)
     assert f"{length_m:e}"[0] in "125"
-
-
-def chart(title: str) -> Markup:
-    with drawing():
-        from matplotlib.figure import Figure
-
-        figure = Figure((4, 2))
-        axes = figure.add_subplot()
-        axes.plot([1, 2], [3, 4], label="a & b <c> $x$")
-        axes.set_title(title)
-        axes.legend()
-        return svg(figure)
-
-
-def test_a_chart_is_part_of_a_page_and_the_same_each_time() -> None:
-    one = chart("One")
-    assert one == chart("One") and isinstance(one, Markup)
-    assert one.startswith('<svg class="chart" role="img" viewBox=') and one.rstrip().endswith("</svg>")
-    assert "a &amp; b &lt;c&gt; $x$" in one  # text is text
-    assert not re.search(r"<style|<metadata|<\?xml|https?:(?!//www\.w3\.org)|20\d\d-\d\d-\d\d", one)
-
-
-def test_two_charts_share_no_id_and_refer_to_their_own() -> None:
-    ids = [set(re.findall(r'\sid="([^"]+)"', chart(title))) for title in ("One", "Two")]
-    assert ids[0] and not ids[0] & ids[1]
-    for title, own in zip(("One", "Two"), ids, strict=True):
-        referred = set(re.findall(r'(?:url\(#|href="#)([^")]+)', chart(title)))
-        assert referred == own
-
-
-def test_a_charts_colours_follow_the_page() -> None:
-    one = chart("One")
-    assert "var(--series-1)" in one and "var(--muted)" in one and "var(--sans)" in one
-    assert not any(colour in one for colour in SERIES)

@@ -6,11 +6,10 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
+from mapgraft.commands.progress import counting
 from mapgraft.console import cell, print_json, remarks, results
 from mapgraft.evaluation.courses import load_courses
-from mapgraft.experiments.andersone2021 import Experiment, Laboratory, Settings, conduct
+from mapgraft.experiments.andersone2021 import Laboratory, Settings, conduct
 from mapgraft.experiments.andersone2021.recordings import chosen
 from mapgraft.job import as_config, provenance_of
 from mapgraft.outputs.lock import locked
@@ -42,33 +41,14 @@ def conduct_and_show(
         remarks().print(cell(why))
     laboratory = Laboratory.of(load_courses(paths, checked, plugins), checked, settings, plugins)
     with locked(out):
-        experiment = _with_progress(laboratory, quiet=quiet or as_json)
+        with counting("merges (kernels compile on first use)", "merges", quiet=quiet or as_json) as progress:
+            experiment = conduct(laboratory, progress)
         told = present(experiment, laboratory, provenance_of(paths, checked, plugins, laboratory.table), why)
         _write(out, {**told, **parquet_files(experiment)})
     if as_json:
         print_json(json.loads(told["experiment.json"]))
     else:
         show(experiment, results(), out)
-
-
-def _with_progress(laboratory: Laboratory, *, quiet: bool) -> Experiment:
-    """Conduct the experiment with a bar on stderr."""
-    console = remarks()
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=quiet or not console.is_terminal,
-    )
-    with bar:
-        task = bar.add_task("merges (kernels compile on first use)", total=None)
-        return conduct(
-            laboratory,
-            lambda found, wanted: bar.update(task, completed=found, total=wanted, description="merges"),
-        )
 
 
 def _write(out: Path, files: Mapping[str, bytes]) -> None:
