@@ -14,7 +14,7 @@ from mapgraft.contracts import Observation
 from mapgraft.errors import OutputError
 from mapgraft.events import Event, Snapshot
 from mapgraft.outputs.files import Tally, Trajectories, connected, json_bytes, map_files, transforms_csv
-from mapgraft.outputs.lock import lock
+from mapgraft.outputs.lock import RUN, lock, require_kind
 from mapgraft.outputs.mcap_log import McapLog
 from mapgraft.outputs.names import file_names
 from mapgraft.outputs.parquet_log import WRITTEN, ParquetLog, PartWriter, other_parts
@@ -27,7 +27,7 @@ from mapgraft.stopwatch import Stopwatch
 from mapgraft_schemas import VERSION
 
 ROUTINE = ("offered", "verified")  # events that wait for the next decision to be brought to disk
-SUMMARY = "summary.json"
+SUMMARY = RUN
 REPORT = "report.html"
 WRITING = "writing"  # the stage of a run that is spent here
 _BATCH = 512  # poses and events that wait to be written together
@@ -61,6 +61,7 @@ class RunFolder:
         self._watch = Stopwatch()
         self._intact = self._open = True
         with writing(out):
+            require_kind(out, RUN)
             out.mkdir(parents=True, exist_ok=True)
             self._lock = lock(out)
             try:

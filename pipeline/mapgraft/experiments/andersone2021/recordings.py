@@ -34,7 +34,7 @@ def chosen(here: Path | None = None, environment: Mapping[str, str] | None = Non
     environment = os.environ if environment is None else environment
     found = sorted(_found(here, environment.get(DATA, "")), key=lambda path: ("corrected" not in path.name, str(path)))
     if found:
-        return Chosen([found[0]], f"the Intel log was found: {found[0]}")
+        return Chosen([found[0]], f"the Intel log was found: {found[0].name}")
     return Chosen(
         demo()[0],
         f"the Intel log is not here (put it into the folder, or into one that {DATA} names; it comes from {SOURCE}): "
