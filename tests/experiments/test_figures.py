@@ -10,7 +10,8 @@ import pytest
 
 from mapgraft.experiments.andersone2021.raster import Raster, raster_of
 from mapgraft.experiments.andersone2021.settings import PAPER, STRATEGIES
-from mapgraft.experiments.andersone2021.telling.charts import areas_figure, curves_figure, histograms, resolution_figure
+from mapgraft.experiments.andersone2021.telling.charts import histograms, resolution_figure
+from mapgraft.experiments.andersone2021.telling.curve_charts import areas_figure, curves_figures
 from mapgraft.experiments.andersone2021.telling.detection import curves
 from mapgraft.experiments.andersone2021.telling.examples import remake, right_example, wrong_example
 from mapgraft.experiments.andersone2021.telling.pictures import left_masks, map_figures, shades
@@ -26,6 +27,7 @@ def test_every_figure_is_a_png_of_a_sensible_size(files):
         "figure6",
         "figure6_all",
         "roc",
+        "roc_by_resolution",
         "areas",
         "resolution",
         "costs",
@@ -40,7 +42,7 @@ def test_figures_are_the_same_every_time(experiment, laboratory, files):
     found = curves(experiment)
     again = [
         *map_figures(experiment, laboratory),
-        curves_figure(experiment, found),
+        *curves_figures(experiment, found),
         areas_figure(experiment, found),
         resolution_figure(experiment, found),
     ]
@@ -94,7 +96,8 @@ def test_what_there_is_not_is_said(made, experiment_of, laboratory):
 def _charts(experiment):
     found = curves(experiment)
     yield from histograms(experiment, found)
-    yield from (curves_figure(experiment, found), areas_figure(experiment, found), resolution_figure(experiment, found))
+    yield from curves_figures(experiment, found)
+    yield from (areas_figure(experiment, found), resolution_figure(experiment, found))
 
 
 @pytest.mark.parametrize(("percent", "shade"), [(0, 1.0), (50, 0.8), (100, 0.0), (-1, 0.8)])

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import re
 from html.parser import HTMLParser
+from itertools import islice
 from pathlib import Path
 
 import pytest
@@ -15,12 +16,13 @@ from typer.testing import CliRunner
 from mapgraft.cli import app
 from mapgraft.errors import UsageError
 from mapgraft.experiments.andersone2021.telling.detection import curves
-from mapgraft.experiments.andersone2021.telling.document import document, statements_in, tables_in
+from mapgraft.experiments.andersone2021.telling.document import document, statements_in, tables_in, timing_told
 from mapgraft.experiments.andersone2021.telling.page import SECTIONS, page, page_of
 from mapgraft.experiments.andersone2021.telling.presentation import json_bytes, tables_of
 from mapgraft.experiments.andersone2021.telling.statements import statements
 from mapgraft.experiments.andersone2021.telling.summary import show
 from mapgraft.experiments.andersone2021.telling.tables import csv_text, markdown
+from mapgraft.experiments.andersone2021.timing import timing
 
 
 @pytest.fixture
@@ -91,6 +93,45 @@ def test_damage_is_said(files, tmp_path, content):
             page_of(tmp_path)
 
 
+def _damaged(value):
+    """The value with one of its parts gone or of another type, part by part; of lists the first part alone."""
+    if isinstance(value, dict):
+        for key in value:
+            yield {name: part for name, part in value.items() if name != key}
+            yield from ({**value, key: part} for part in _damaged(value[key]))
+    elif isinstance(value, list) and value:
+        yield from ([part, *value[1:]] for part in _damaged(value[0]))
+    yield from (other for other in (None, 7, "seven", [[]], {"": {}}) if type(other) is not type(value))
+
+
+def test_no_damage_is_an_internal_error(tmp_path, content):
+    """Whatever is missing or of another type: a page, or one sentence."""
+    content["figures"], content["curves"] = content["figures"][:1], []
+    content["tables"] = [{**table, "rows": table["rows"][:2]} for table in content["tables"]]
+    place, refused = tmp_path / "experiment.json", 0
+    for damaged in islice(_damaged(content), 0, None, 31):
+        place.write_text(json.dumps(damaged))
+        try:
+            page_of(tmp_path)
+        except UsageError as error:
+            refused += 1
+            assert "\n" not in str(error)
+    assert refused > 10
+    place.write_text("[" * 100_000)
+    with pytest.raises(UsageError, match="damaged"):
+        page_of(tmp_path)
+
+
+def test_the_time_of_everything_is_told_beside_the_machine(content, pngs):
+    taken = timing(61.24)
+    content["times"] |= timing_told(taken)
+    assert content["times"]["whole_s"] == 61.24 and content["times"]["machine"]["cpus"] >= 1
+    text = page(content, pngs)
+    assert "61.2 s, from reading to written files" in text and "everything 61 s" in text
+    assert set(content["times"]["machine"]) == {"cpus", "processor", "load"}
+    assert "from reading to written files" not in page({**content, "times": content["times"] | timing_told(None)}, pngs)
+
+
 def test_no_file_outside_of_the_folder_becomes_a_figure(content, pngs, tmp_path):
     (tmp_path / "secret.png").write_bytes(next(iter(pngs.values())))
     folder = tmp_path / "out"
@@ -134,7 +175,7 @@ def test_the_page_is_complete_in_itself(files):
     assert "url(" not in re.sub(r"<style>.*?</style>", "", text, flags=re.DOTALL) and "@import" not in text
     assert len(found.ids) == len(set(found.ids))
     assert {link[1:] for link in found.links if link.startswith("#")} <= set(found.ids)
-    assert found.tags.count("img") == 10
+    assert found.tags.count("img") == 11
     assert len(files["report.html"]) < 5_000_000
 
 
@@ -164,7 +205,7 @@ def test_a_figure_that_is_gone_is_said(content, pngs):
     text = page(content, pngs)
     assert "The file figures/figure7.png is not there or no PNG." in text
     assert "The file figures/roc.png is not there or no PNG." in text
-    assert seen(text).tags.count("img") == 8
+    assert seen(text).tags.count("img") == 9
 
 
 def test_tables_are_written_in_every_form(files, content):

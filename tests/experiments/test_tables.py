@@ -149,8 +149,13 @@ def test_the_three_ways_in_one_look(made, experiment_of):
 
 
 def test_searches_count_what_was_accepted(made, experiment_of):
-    (row,) = searches_table(experiment_of([made(True, 0)])).rows
-    assert {name: number.value for name, number in row.cells.items()} == {
+    merges = [made(True, 0), made(True, 0, combination=PAPER[1]), made(False, 1)]
+    row, _, together = searches_table(experiment_of(merges)).rows
+    assert (together.cells["right_draws"].value, together.cells["wrong_draws"].value) == (1, 1)  # one draw, used twice
+    assert together.cells["right_overlap"] == Number(0.5, 0.5, 0.5)
+    assert {
+        name: number.value for name, number in row.cells.items() if "_draws" not in name and "_overlap" not in name
+    } == {
         "drawn": 9,
         "unmatched": 1,
         "refused": 1,

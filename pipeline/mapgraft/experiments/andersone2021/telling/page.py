@@ -10,20 +10,33 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import Any, Final
 
+from jinja2 import TemplateError
+
 from mapgraft.errors import UsageError
 from mapgraft.experiments.andersone2021.telling.document import DOCUMENT, FORMAT, statements_in, tables_in
 from mapgraft.experiments.andersone2021.telling.statements import Statement
-from mapgraft.experiments.andersone2021.telling.tables import Table
-from mapgraft.pages import render
+from mapgraft.experiments.andersone2021.telling.tables import NONE, Table
+from mapgraft.pages import readable, render
 
 TEMPLATE: Final = "andersone2021.html"
-SOURCES: Final = {
+CLAIMANTS: Final = {
     "ledger": "What the ledger promises",
     "paper": "What the paper says",
     "tables": "What the paper's tables show",
     "rules": "Our own rules",
 }
 _VERDICTS: Final = {True: ("holds", "good"), False: ("does not hold", "bad"), None: ("cannot be told", "none")}
+_DAMAGE: Final = (  # what a document of other keys and types leads to, wherever it is used
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    StopIteration,
+    ArithmeticError,
+    RecursionError,
+    TemplateError,
+)
+_LONGEST: Final = 200  # characters of what is said about damage
 _NOTHING: Final[Mapping[str, Any]] = {"name": "", "title": "", "caption": "", "file": ""}
 
 
@@ -71,7 +84,7 @@ SECTIONS: Final = (
         "Which numbers tell wrong merges, and from which threshold on",
         "The paper leaves open how thresholds are chosen, because they move with resolution and quality.",
         ("roc", "areas", "resolution:figure", "resolution", "thresholds", "verdicts"),
-        ("detection", "evidence"),
+        ("roc_by_resolution", "detection", "evidence"),
     ),
     Section(
         "costs",
@@ -96,8 +109,9 @@ def page_of(folder: Path) -> str:
         return page(content, figures)
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}; give the folder of an experiment") from None
-    except (ValueError, KeyError, TypeError, AttributeError, StopIteration) as error:
-        raise UsageError(f"{path} is damaged or of another version ({error}): run the experiment again") from None
+    except _DAMAGE as error:
+        reason = readable(str(error)).partition("\n")[0][:_LONGEST] or type(error).__name__
+        raise UsageError(f"{path} is damaged or of another version ({reason}): run the experiment again") from None
 
 
 def _is_inside(folder: Path, name: str) -> bool:
@@ -123,9 +137,9 @@ def page(document: Mapping[str, Any], figures: Mapping[str, bytes]) -> str:
         recordings=", ".join(PurePath(file["path"]).name for file in document["files"]),
         tiles=_tiles(document, tables),
         ways=tables["ways"],
-        groups=[(title, _judged(said, source)) for source, title in SOURCES.items()],
+        groups=[(title, _judged(said, source)) for source, title in CLAIMANTS.items()],
         sections=[_filled(section, tables, pictures) for section in SECTIONS],
-        elapsed_s=document["times"]["elapsed_s"],
+        taken=_taken(document["times"]),
     )
 
 
@@ -143,8 +157,22 @@ def _tiles(document: Mapping[str, Any], tables: Mapping[str, Table]) -> list[tup
         ("ledger's update, 1M = 1", cost, f"2M {two}"),
     ]
     if "ledger" in areas:
-        tiles.append(("DM tells wrong merges (area)", areas["ledger"], f"1M {areas['single_map']}"))
-    return [*tiles, ("the whole experiment", f"{document['times']['elapsed_s']:.0f} s", "without pictures")]
+        tiles.append(("DM tells wrong merges (area)", areas["ledger"], f"1M {areas.get('single_map', NONE)}"))
+    whole_s = document["times"].get("whole_s")
+    whole = "" if whole_s is None else f"everything {whole_s:.0f} s"
+    return [*tiles, ("the merges", f"{document['times']['elapsed_s']:.0f} s", whole)]
+
+
+def _taken(times: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """How long what took, and on which machine, as far as it is known."""
+    told = [("the merges", f"{times['elapsed_s']:.1f} s")]
+    if (whole_s := times.get("whole_s")) is not None:
+        told.append(("everything", f"{whole_s:.1f} s, from reading to written files"))
+    if machine := times.get("machine"):
+        told.append(("processor", f"{machine['cpus']} × {machine['processor'] or 'unknown'}"))
+        load = " / ".join(f"{mean:.1f}" for mean in machine["load"])
+        told += [("load average (1 / 5 / 15 min)", load)] if load else []
+    return told
 
 
 def _judged(said: Sequence[Statement], source: str) -> list[tuple[Statement, str, str]]:
