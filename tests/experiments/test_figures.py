@@ -10,6 +10,7 @@ import pytest
 
 from mapgraft.experiments.andersone2021.raster import Raster, raster_of
 from mapgraft.experiments.andersone2021.settings import PAPER, STRATEGIES
+from mapgraft.experiments.andersone2021.telling.as_published import ways_shown
 from mapgraft.experiments.andersone2021.telling.charts import histograms, resolution_figure
 from mapgraft.experiments.andersone2021.telling.curve_charts import areas_figure, curves_figures
 from mapgraft.experiments.andersone2021.telling.detection import curves
@@ -105,3 +106,14 @@ def test_the_less_is_known_the_greyer(percent, shade):
     pixels = shades(Raster(np.full((2, 3), percent, np.int8), (0, 0), (0.0, 0.0), 0.1))
     assert pixels.shape == (2, 3, 4)
     assert pixels[..., :3] == pytest.approx(shade) and (pixels[..., 3] == 1.0).all()
+
+
+def test_the_ledger_has_panels_of_its_own_unless_its_numbers_are_those_of_two_maps(made, experiment_of):
+    merges = [made(right, n, two=(0.9 + 0.01 * n, 1.0 + n)) for n, right in enumerate((True, True, False, False))]
+    assert list(ways_shown(experiment_of(merges)).values()) == ["1M", "2M and ledger"]
+    assert "those of two maps" in histograms(experiment_of(merges), [])[0].caption
+    kept = merges[0].by["ledger"]
+    other = dataclasses.replace(kept, end={**kept.end, "distance": 1.5})
+    merges[0] = dataclasses.replace(merges[0], by={**merges[0].by, "ledger": other})
+    assert list(ways_shown(experiment_of(merges)).values()) == ["1M", "2M", "ledger"]
+    assert "those of two maps" not in histograms(experiment_of(merges), [])[0].caption

@@ -15,10 +15,12 @@ from typer.testing import CliRunner
 
 from mapgraft.cli import app
 from mapgraft.errors import UsageError
+from mapgraft.experiments.andersone2021.outcome import Cost
+from mapgraft.experiments.andersone2021.telling.charts import costs_figure
 from mapgraft.experiments.andersone2021.telling.detection import curves
 from mapgraft.experiments.andersone2021.telling.document import document, statements_in, tables_in, timing_told
 from mapgraft.experiments.andersone2021.telling.page import SECTIONS, page, page_of
-from mapgraft.experiments.andersone2021.telling.presentation import json_bytes, tables_of
+from mapgraft.experiments.andersone2021.telling.presentation import json_bytes, table_files, tables_of
 from mapgraft.experiments.andersone2021.telling.statements import statements
 from mapgraft.experiments.andersone2021.telling.summary import show
 from mapgraft.experiments.andersone2021.telling.tables import csv_text, markdown
@@ -58,6 +60,32 @@ def test_all_but_times_is_the_same_again(experiment, provenance, content):
     assert other["times"] != content["times"]
     del other["times"], before["times"]
     assert json.dumps(other) == json.dumps(before)
+
+
+def test_the_files_that_depend_on_the_clock_are_those_that_are_documented(experiment, files):
+    slower = {
+        strategy: dataclasses.replace(kept, cost=Cost(*(3.0 + 0.7 * n * k for k in range(3))), revert_s=7.0)
+        for n, (strategy, kept) in enumerate(experiment.merges[0].by.items())
+    }
+    later = dataclasses.replace(experiment, merges=[_timed_as(m, slower) for m in experiment.merges])
+    found = curves(later)
+    tables = tables_of(later, found)
+    again = {**table_files(tables, statements(later, found)), "figures/costs.png": costs_figure(later).png}
+    assert {name for name, content in again.items() if content != files[name]} == {
+        "tables.md",
+        "tables.parquet",
+        "figures/costs.png",
+        *(
+            f"tables/{name}.{kind}"
+            for name in ("table1", "table2", "table3", "costs", "ways")
+            for kind in ("md", "csv")
+        ),
+    }
+
+
+def _timed_as(merge, slower):
+    by = {way: dataclasses.replace(kept, cost=slower[way].cost, revert_s=7.0) for way, kept in merge.by.items()}
+    return dataclasses.replace(merge, by=by)
 
 
 def document_of(experiment, provenance):
@@ -107,8 +135,10 @@ def _damaged(value):
 def test_no_damage_is_an_internal_error(tmp_path, content):
     """Whatever is missing or of another type: a page, or one sentence."""
     content["figures"], content["curves"] = content["figures"][:1], []
-    content["tables"] = [{**table, "rows": table["rows"][:2]} for table in content["tables"]]
+    content["tables"] = [{**table, "rows": table["rows"][:3]} for table in content["tables"]]
     place, refused = tmp_path / "experiment.json", 0
+    place.write_text(json.dumps(content))
+    assert page_of(tmp_path).startswith("<!")
     for damaged in islice(_damaged(content), 0, None, 31):
         place.write_text(json.dumps(damaged))
         try:
@@ -186,6 +216,13 @@ def test_every_table_claim_and_figure_is_on_the_page(files, content):
     assert {f"figure-{figure['name']}" for figure in content["figures"]} <= ids
     assert {f"claim-{one['name']}" for one in content["statements"]} <= ids
     assert {section.anchor for section in SECTIONS} <= ids
+
+
+def test_curves_keep_their_points_but_for_details_of_evidence(content):
+    for curve in content["curves"]:
+        is_detail = "." in curve["number"] and not curve["number"].startswith("verifier.")
+        assert ("points" in curve) is not is_detail, curve["number"]
+    assert "verifier.log_odds_wrong" in {curve["number"] for curve in content["curves"]}
 
 
 def test_names_are_text(content, pngs):

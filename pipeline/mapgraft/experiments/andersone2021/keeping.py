@@ -66,7 +66,7 @@ class Graft:
         return reversal
 
 
-def keep(graft: Graft, metrics: Mapping[str, Metric]) -> dict[ReversalName, Kept]:
+def kept_every_way(graft: Graft, metrics: Mapping[str, Metric]) -> dict[ReversalName, Kept]:
     """Keep one merge in every way, map on, measure, and take it out again."""
     never = graft.never_merged()
     costs = time_updates(graft)

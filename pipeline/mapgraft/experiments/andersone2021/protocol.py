@@ -18,7 +18,7 @@ from mapgraft.evaluation.courses import Course
 from mapgraft.evaluation.drawing import Drawing, PairPlan, draw_on
 from mapgraft.evaluation.paper import paper_rules
 from mapgraft.evaluation.truth import Truth
-from mapgraft.experiments.andersone2021.keeping import Graft, keep
+from mapgraft.experiments.andersone2021.keeping import Graft, kept_every_way
 from mapgraft.experiments.andersone2021.outcome import Experiment, Merge, Search
 from mapgraft.experiments.andersone2021.settings import MAP_TYPE, METRICS, Combination, Settings
 from mapgraft.experiments.andersone2021.watching import Watcher
@@ -199,7 +199,7 @@ class Laboratory:
             error_deg=error.rotation_deg,
             T_receiver_donor=graft.match.T_receiver_donor,
             score=graft.match.score,
-            by=keep(graft, self.metrics),
+            by=kept_every_way(graft, self.metrics),
             watched=self.watcher.watch(graft),
         )
 

@@ -15,7 +15,7 @@ from jinja2 import TemplateError
 from mapgraft.errors import UsageError
 from mapgraft.experiments.andersone2021.telling.document import DOCUMENT, FORMAT, statements_in, tables_in
 from mapgraft.experiments.andersone2021.telling.statements import Statement
-from mapgraft.experiments.andersone2021.telling.tables import NONE, Table
+from mapgraft.experiments.andersone2021.telling.tables import Number, Table
 from mapgraft.pages import readable, render
 
 TEMPLATE: Final = "andersone2021.html"
@@ -150,17 +150,25 @@ def _tiles(document: Mapping[str, Any], tables: Mapping[str, Table]) -> list[tup
     same = {row.name: row.cells["identical"].text(0) for row in ways.rows}
     cost = ways.row("ledger").cells["update"].text(2)
     two = ways.row("multi_map").cells["update"].text(2)
-    areas = {row.name: row.cells["distance"].text(3) for row in ways.rows if "distance" in row.cells}
+    areas = {row.name: row.cells["distance"] for row in ways.rows if "distance" in row.cells}
     tiles = [
         ("merges, each kept in three ways", f"{merges:.0f}", ""),
         ("ledger after the revert: same bytes", same["ledger"], f"1M {same['single_map']}, 2M {same['multi_map']}"),
         ("ledger's update, 1M = 1", cost, f"2M {two}"),
     ]
     if "ledger" in areas:
-        tiles.append(("DM tells wrong merges (area)", areas["ledger"], f"1M {areas.get('single_map', NONE)}"))
+        tiles.append(_area_tile(areas))
     whole_s = document["times"].get("whole_s")
     whole = "" if whole_s is None else f"everything {whole_s:.0f} s"
     return [*tiles, ("the merges", f"{document['times']['elapsed_s']:.0f} s", whole)]
+
+
+def _area_tile(areas: Mapping[str, Number]) -> tuple[str, str, str]:
+    """The area of the ledger's DM, and in small its interval and that of one map."""
+    ours, one = areas["ledger"], areas["single_map"].text(3) if "single_map" in areas else "not told"
+    value, _, ends = ours.text(3).partition(" (")
+    interval = f"95 %: {ends.removesuffix(')')}; " if ends else ""
+    return "DM tells wrong merges (area)", value, f"{interval}1M {one}"
 
 
 def _taken(times: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -57,7 +57,7 @@ def present(experiment: Experiment, laboratory: Laboratory, provenance: RunProve
     shown = [Shown(one.name, one.title, one.caption, _file(one) if one.png else "") for one in drawn]
     pngs = {_file(one): one.png for one in drawn if one.png is not None}
     content = document(experiment, tables, said, found, shown, provenance, why)
-    return Presentation(content, {**_table_files(tables, said), **pngs})
+    return Presentation(content, {**table_files(tables, said), **pngs})
 
 
 def tables_of(experiment: Experiment, found: Sequence[Curve]) -> list[Table]:
@@ -86,7 +86,7 @@ def json_bytes(content: Mapping[str, Any]) -> bytes:
     return (json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":")) + "\n").encode()
 
 
-def _table_files(tables: Sequence[Table], said: Sequence[Statement]) -> dict[str, bytes]:
+def table_files(tables: Sequence[Table], said: Sequence[Statement]) -> dict[str, bytes]:
     """Each table as Markdown and CSV, all of them as one Markdown page and one Parquet file."""
     files = {f"tables/{table.name}.md": markdown(table) for table in tables}
     files |= {f"tables/{table.name}.csv": csv_text(table) for table in tables}
