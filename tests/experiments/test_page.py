@@ -14,7 +14,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from mapgraft.cli import app
-from mapgraft.errors import UsageError
+from mapgraft.errors import OutputError, UsageError
 from mapgraft.experiments.andersone2021.outcome import Cost
 from mapgraft.experiments.andersone2021.telling.charts import costs_figure
 from mapgraft.experiments.andersone2021.telling.detection import curves
@@ -117,7 +117,7 @@ def test_damage_is_said(files, tmp_path, content):
     del content["tables"][3]["rows"][0]["cells"]
     for damaged in ("{", "[]", '{"figures": []}', json.dumps(content)):
         place.write_text(damaged)
-        with pytest.raises(UsageError, match="damaged or of another version"):
+        with pytest.raises(OutputError, match="damaged or of another version"):
             page_of(tmp_path)
 
 
@@ -143,12 +143,12 @@ def test_no_damage_is_an_internal_error(tmp_path, content):
         place.write_text(json.dumps(damaged))
         try:
             page_of(tmp_path)
-        except UsageError as error:
+        except OutputError as error:
             refused += 1
-            assert "\n" not in str(error)
+            assert "\n" not in str(error) and error.exit_code == 1
     assert refused > 10
     place.write_text("[" * 100_000)
-    with pytest.raises(UsageError, match="damaged"):
+    with pytest.raises(OutputError, match="damaged"):
         page_of(tmp_path)
 
 
@@ -216,6 +216,7 @@ def test_every_table_claim_and_figure_is_on_the_page(files, content):
     assert {f"figure-{figure['name']}" for figure in content["figures"]} <= ids
     assert {f"claim-{one['name']}" for one in content["statements"]} <= ids
     assert {section.anchor for section in SECTIONS} <= ids
+    assert files["report.html"].decode().count("this is no held-out test") == 3  # claims, evidence, verdicts
 
 
 def test_curves_keep_their_points_but_for_details_of_evidence(content):

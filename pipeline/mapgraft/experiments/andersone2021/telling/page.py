@@ -12,7 +12,8 @@ from typing import Any, Final
 
 from jinja2 import TemplateError
 
-from mapgraft.errors import UsageError
+from mapgraft.errors import OutputError, UsageError
+from mapgraft.experiments.andersone2021.telling.beyond import IN_VIEW
 from mapgraft.experiments.andersone2021.telling.document import DOCUMENT, FORMAT, statements_in, tables_in
 from mapgraft.experiments.andersone2021.telling.statements import Statement
 from mapgraft.experiments.andersone2021.telling.tables import Number, Table
@@ -25,6 +26,7 @@ CLAIMANTS: Final = {
     "tables": "What the paper's tables show",
     "rules": "Our own rules",
 }
+_LEADS: Final[Mapping[str, str]] = {"rules": IN_VIEW}  # what is to be known before the claims
 _VERDICTS: Final = {True: ("holds", "good"), False: ("does not hold", "bad"), None: ("cannot be told", "none")}
 _DAMAGE: Final = (  # what a document of other keys and types leads to, wherever it is used
     ValueError,
@@ -99,7 +101,7 @@ SECTIONS: Final = (
 def page_of(folder: Path) -> str:
     """The page of a folder that ``mapgraft experiment andersone2021`` wrote, made anew from its JSON and its figures.
 
-    Raises UsageError when there is no such JSON, or when it is damaged.
+    Raises UsageError when there is no such JSON, OutputError when it is damaged.
     """
     path = folder / DOCUMENT
     try:
@@ -111,7 +113,7 @@ def page_of(folder: Path) -> str:
         raise UsageError(f"{path} cannot be read: {error.strerror}; give the folder of an experiment") from None
     except _DAMAGE as error:
         reason = readable(str(error)).partition("\n")[0][:_LONGEST] or type(error).__name__
-        raise UsageError(f"{path} is damaged or of another version ({reason}): run the experiment again") from None
+        raise OutputError(f"{path} is damaged or of another version ({reason}): run the experiment again") from None
 
 
 def _is_inside(folder: Path, name: str) -> bool:
@@ -137,7 +139,7 @@ def page(document: Mapping[str, Any], figures: Mapping[str, bytes]) -> str:
         recordings=", ".join(PurePath(file["path"]).name for file in document["files"]),
         tiles=_tiles(document, tables),
         ways=tables["ways"],
-        groups=[(title, _judged(said, source)) for source, title in CLAIMANTS.items()],
+        groups=[(title, _LEADS.get(who, ""), _judged(said, who)) for who, title in CLAIMANTS.items()],
         sections=[_filled(section, tables, pictures) for section in SECTIONS],
         taken=_taken(document["times"]),
     )

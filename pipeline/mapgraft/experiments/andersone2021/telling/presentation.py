@@ -41,7 +41,7 @@ class Presentation:
     def last(self, taken: Timing | None = None) -> Mapping[str, bytes]:
         """``experiment.json`` and ``report.html``, which tell how long everything took, where that is known."""
         content = {**self.content, "times": self.content["times"] | timing_told(taken)}
-        pngs = {name: content for name, content in self.files.items() if name.endswith(".png")}
+        pngs = {name: png for name, png in self.files.items() if name.endswith(".png")}
         return {DOCUMENT: json_bytes(content), PAGE: page(content, pngs).encode()}
 
 
