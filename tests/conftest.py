@@ -7,18 +7,13 @@ from pathlib import Path
 
 import pytest
 
-WORKER = os.environ.get("PYTEST_XDIST_WORKER")
+if WORKER := os.environ.get("PYTEST_XDIST_WORKER"):
+    # Every test process compiles into a cache of its own, told before any kernel is imported. Numba numbers the files
+    # of a function's signatures without a lock: two processes that compile different ones at the same time can leave an
+    # index that names the wrong file, and whoever loads that one dies.
+    os.environ["NUMBA_CACHE_DIR"] = str(Path(__file__).parents[1] / ".pytest_cache" / f"numba-{WORKER}")
+
 SHARED_DATA = Path(__file__).parents[2] / "shared" / "data"
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """Give every test process a cache of compiled kernels of its own.
-
-    Numba numbers the files of a function's signatures without a lock: two processes that compile different signatures
-    at the same time leave an index that names the wrong file, and whoever loads that one dies.
-    """
-    if WORKER is not None and config.cache is not None:
-        os.environ["NUMBA_CACHE_DIR"] = str(config.cache.mkdir(f"numba-{WORKER}"))
 
 
 @pytest.fixture(scope="session")
