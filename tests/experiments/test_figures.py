@@ -8,14 +8,14 @@ import struct
 import numpy as np
 import pytest
 
-from mapgraft.experiments.andersone2021.raster import Raster, raster_of
+from mapgraft.experiments.andersone2021.raster import Raster, left_masks, raster_of
 from mapgraft.experiments.andersone2021.settings import PAPER, STRATEGIES
 from mapgraft.experiments.andersone2021.telling.as_published import ways_shown
 from mapgraft.experiments.andersone2021.telling.charts import histograms, resolution_figure
 from mapgraft.experiments.andersone2021.telling.curve_charts import areas_figure, curves_figures
 from mapgraft.experiments.andersone2021.telling.detection import curves
 from mapgraft.experiments.andersone2021.telling.examples import remake, right_example, wrong_example
-from mapgraft.experiments.andersone2021.telling.pictures import left_masks, map_figures, shades
+from mapgraft.experiments.andersone2021.telling.pictures import map_figures, shades
 
 
 def test_every_figure_is_a_png_of_a_sensible_size(files):

@@ -26,6 +26,7 @@ from mapgraft.outputs.standing import StandingMerges
 from mapgraft.stopwatch import Stopwatch
 from mapgraft_schemas import VERSION
 
+MERGE_RECORDING = ".merge.mcap"  # after the stem
 ROUTINE = ("offered", "verified")  # events that wait for the next decision to be brought to disk
 SUMMARY = RUN
 REPORT = "report.html"
@@ -66,7 +67,7 @@ class RunFolder:
             self._lock = lock(out)
             try:
                 self._staging = Staging(out)
-                self._mcap_name = f"{stem}.merge.mcap"
+                self._mcap_name = f"{stem}{MERGE_RECORDING}"
                 self._stream = self._staging.create(self._mcap_name)
                 try:
                     self._mcap = McapLog(self._stream, run_id, provenance)

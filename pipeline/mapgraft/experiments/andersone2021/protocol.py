@@ -17,7 +17,7 @@ from mapgraft.evaluation.building import DONOR, Pair, build
 from mapgraft.evaluation.courses import Course
 from mapgraft.evaluation.drawing import Drawing, PairPlan, draw_on
 from mapgraft.evaluation.paper import paper_rules
-from mapgraft.evaluation.truth import Truth
+from mapgraft.evaluation.truth import Error, Truth
 from mapgraft.experiments.andersone2021.keeping import Graft, kept_every_way
 from mapgraft.experiments.andersone2021.outcome import Experiment, Merge, Search
 from mapgraft.experiments.andersone2021.settings import MAP_TYPE, METRICS, Combination, Settings
@@ -142,7 +142,7 @@ class Laboratory:
                 continue
             error = truth_of(graft.pair).error(graft.match.T_receiver_donor)
             wanted = seek.wants(right=error.right)
-            yield self._merge(seek.combination, graft, right=error.right) if wanted else None
+            yield self._merge(seek.combination, graft, error) if wanted else None
 
     def plans(self) -> Iterator[PairPlan]:
         """The pairs of windows, the same for every combination."""
@@ -186,15 +186,13 @@ class Laboratory:
         compared = Compared(own.map_type, "own", T, match, placed, lambda: (own.layer, own.map))
         return Candidate(match, {name: metric.track(compared).update(Step()) for name, metric in self.metrics.items()})
 
-    def _merge(self, combination: Combination, graft: Graft, *, right: bool) -> Merge:
-        truth = truth_of(graft.pair)
-        error = truth.error(graft.match.T_receiver_donor)
+    def _merge(self, combination: Combination, graft: Graft, error: Error) -> Merge:
         return Merge(
             combination=combination,
             number=graft.pair.plan.number,
             plan=graft.pair.plan,
-            right=right,
-            overlap=truth.overlap,
+            right=error.right,
+            overlap=graft.pair.overlap,
             error_m=error.displacement_m,
             error_deg=error.rotation_deg,
             T_receiver_donor=graft.match.T_receiver_donor,

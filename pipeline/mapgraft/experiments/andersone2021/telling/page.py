@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import struct
 from collections.abc import Mapping, Sequence
@@ -17,7 +16,7 @@ from mapgraft.experiments.andersone2021.telling.beyond import IN_VIEW
 from mapgraft.experiments.andersone2021.telling.document import DOCUMENT, FORMAT, statements_in, tables_in
 from mapgraft.experiments.andersone2021.telling.statements import Statement
 from mapgraft.experiments.andersone2021.telling.tables import Number, Table
-from mapgraft.pages import readable, render
+from mapgraft.pages import data_uri, readable, render
 
 TEMPLATE: Final = "andersone2021.html"
 CLAIMANTS: Final = {
@@ -214,5 +213,4 @@ def _picture(told: Mapping[str, Any], figures: Mapping[str, bytes]) -> Picture:
     if not png.startswith(b"\x89PNG") or len(png) < 24:
         return replace(found, caption=f"{known['caption']} The file {known['file']} is not there or no PNG.")
     width, height = struct.unpack(">II", png[16:24])
-    uri = "data:image/png;base64," + base64.b64encode(png).decode()
-    return replace(found, uri=uri, width_px=width, height_px=height)
+    return replace(found, uri=data_uri(png), width_px=width, height_px=height)

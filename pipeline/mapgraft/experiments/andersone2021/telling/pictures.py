@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from mapgraft.experiments.andersone2021.outcome import Experiment, Kept, Leftovers
 from mapgraft.experiments.andersone2021.protocol import Laboratory
-from mapgraft.experiments.andersone2021.raster import OCCUPIED, Raster, raster_of
+from mapgraft.experiments.andersone2021.raster import OCCUPIED, Raster, left_masks, raster_of
 from mapgraft.experiments.andersone2021.settings import SHORT, STRATEGIES
 from mapgraft.experiments.andersone2021.telling.drawn import (
     BLUE,
@@ -26,6 +25,7 @@ from mapgraft.experiments.andersone2021.telling.drawn import (
     png_of,
 )
 from mapgraft.experiments.andersone2021.telling.examples import Remade, remake, right_example, wrong_example
+from mapgraft.pages import bar_m
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -186,20 +186,6 @@ def _walls(own: Raster, donor: Raster) -> Shades:
     return out
 
 
-def left_masks(after: Raster, before: Raster) -> dict[str, NDArray[np.bool_]]:
-    """What a revert left, cell by cell, each cell under one name: as ``Leftovers`` counts them, but that ``touched``
-    are those of which nothing but the probability is another."""
-    now, then = after.classes, before.classes
-    known = then != 0
-    masks = {
-        "lost": known & (now == 0),
-        "alien": ~known & (now != 0),
-        "changed": known & (now != 0) & (now != then),
-    }
-    rest = (after.percent != before.percent) & ~(masks["lost"] | masks["alien"] | masks["changed"])
-    return {**masks, "touched": rest}
-
-
 def left_anything(after: Raster, before: Raster) -> NDArray[np.bool_]:
     """The cells (h, w) that a revert left other than they would be."""
     found: NDArray[np.bool_] = np.any(list(left_masks(after, before).values()), axis=0)
@@ -288,8 +274,7 @@ def _same_scale(panels: Sequence[_Panel], shape: float | None = None) -> float:
 
 
 def _bar(ax: Axes, left: float, bottom: float, width: float, height: float) -> None:
-    power = 10.0 ** math.floor(math.log10(BAR * width))
-    length = next(step * power for step in (5.0, 2.0, 1.0) if step * power <= BAR * width)
+    length = bar_m(BAR * width)
     x, y = left + 0.03 * width, bottom + 0.035 * height
     ax.plot((x, x + length), (y, y), color=INK, linewidth=2.5, solid_capstyle="butt")
     behind = {"facecolor": str(UNKNOWN_SHADE), "edgecolor": "none", "pad": 1.0, "alpha": 0.75}
