@@ -141,7 +141,8 @@ def run(
             assembly = assemble(mission, checked, plugins, table, fan)  # before the folder is touched: it may refuse
         folder = None
         if out is not None:
-            folder = RunFolder(Path(out), stem(paths[0]), run_id, provenance, checked.output.scans)
+            output = checked.output
+            folder = RunFolder(Path(out), stem(paths[0]), run_id, provenance, output.scans, output.report)
             fan.sinks.append(stack.enter_context(folder))
             folder.keep(MISSION_FILE, remembered_text(paths, checked).encode())
         if opened is not None:
@@ -149,9 +150,11 @@ def run(
         with assembly.exchange.guard.armed():
             count = _replayed(mission, assembly, fan, watch)
         lost, missing = _lost(mission, assembly), losses(mission)  # before the files are read once more
+        remarks = tuple(_remarks(mission, assembly))
         ledgers = _audited(mission, assembly, checked, plugins) if verify_ledger else []
         if folder is not None:
             _tell_costs(folder, watch, assembly.exchange.traffic.sent)
+            folder.noticed((*remarks, *lost))
             folder.lost([asdict(loss) for loss in missing])
             folder.audited([asdict(finding) for finding in ledgers])
             folder.finish()
@@ -164,7 +167,7 @@ def run(
             traffic=dict(assembly.exchange.traffic.sent),
             start_ns=mission.start_ns,
             lost=(*lost, *(folder.unshown if folder else ())),
-            remarks=tuple(_remarks(mission, assembly)),
+            remarks=remarks,
             ledgers=tuple(ledgers),
         )
 

@@ -3,14 +3,30 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self
 
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskProgressColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
 
 from mapgraft.console import remarks
 from mapgraft.contracts import Observation
 from mapgraft.events import Event, Snapshot
+
+
+class Counted(Protocol):
+    """Takes how many things are done, of how many, and what they are."""
+
+    def __call__(self, done: int, wanted: int, said: str = ..., /) -> None: ...
+
 
 REFRESH_EVERY = 16  # observations between two updates of the bar: drawing must not cost more than mapping
 
@@ -72,3 +88,28 @@ class ProgressSink:
 
     def mapped(self, snapshot: Snapshot) -> None:
         pass
+
+
+@contextmanager
+def counting(waiting: str, what: str, *, quiet: bool) -> Iterator[Counted]:
+    """A bar on stderr for things that are counted: tell it how many are done, of how many, and what they are.
+
+    It shows what is ``waiting`` until then, and ``what`` where nothing else is told.
+    """
+    console = remarks()
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=quiet or not console.is_terminal,
+    )
+    with bar:
+        task = bar.add_task(waiting, total=None)
+
+        def count(done: int, wanted: int, said: str = what) -> None:
+            bar.update(task, completed=done, total=wanted, description=said)
+
+        yield count

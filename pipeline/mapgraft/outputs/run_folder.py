@@ -14,7 +14,7 @@ from mapgraft.contracts import Observation
 from mapgraft.errors import OutputError
 from mapgraft.events import Event, Snapshot
 from mapgraft.outputs.files import Tally, Trajectories, connected, json_bytes, map_files, transforms_csv
-from mapgraft.outputs.lock import lock
+from mapgraft.outputs.lock import RUN, lock, require_kind
 from mapgraft.outputs.mcap_log import McapLog
 from mapgraft.outputs.names import file_names
 from mapgraft.outputs.parquet_log import WRITTEN, ParquetLog, PartWriter, other_parts
@@ -26,8 +26,10 @@ from mapgraft.outputs.standing import StandingMerges
 from mapgraft.stopwatch import Stopwatch
 from mapgraft_schemas import VERSION
 
+MERGE_RECORDING = ".merge.mcap"  # after the stem
 ROUTINE = ("offered", "verified")  # events that wait for the next decision to be brought to disk
-SUMMARY = "summary.json"
+SUMMARY = RUN
+REPORT = "report.html"
 WRITING = "writing"  # the stage of a run that is spent here
 _BATCH = 512  # poses and events that wait to be written together
 _OURS = ("maps/", "trajectories/")  # where files of an earlier run are taken away when this one has none of that name
@@ -39,15 +41,18 @@ class RunFolder:
     Everything is written under ``.partial`` names. A decision is on disk when ``happened`` returns. ``finish`` renames
     everything at once; ``abort`` leaves the partial files behind, from which ``read_events`` reads every decision. As
     a context manager it finishes, or aborts when an error came through. Tables of other runs in the folder stay.
+    With ``report`` the page of the run is made when all else is published, from what is in the folder then.
 
     Raises OutputError when the folder cannot be written, or when another run is writing it.
     """
 
-    def __init__(self, out: Path, stem: str, run_id: str, provenance: RunProvenance, scans: bool = False) -> None:
+    def __init__(
+        self, out: Path, stem: str, run_id: str, provenance: RunProvenance, scans: bool = False, report: bool = False
+    ) -> None:
         if not (run_id[:1].isalpha() and run_id.isascii() and run_id.replace("_", "").replace("-", "").isalnum()):
             raise OutputError(f"a run id is a letter and then letters, digits, '_' and '-', found {run_id!r}")
         self._out, self._run_id, self._provenance = out, run_id, provenance
-        self._scans = scans
+        self._scans, self._report = scans, report
         self._queue: list[Pose | tuple[int, Event]] = []
         self._snapshots: dict[str, Snapshot] = {}
         self._standing, self._scene, self._tally = StandingMerges(), Scene(), Tally()
@@ -56,14 +61,16 @@ class RunFolder:
         self._lost: list[Mapping[str, str | int]] = []
         self._unshown: dict[str, str] = {}
         self._ledgers: list[dict[str, Any]] = []
+        self._remarks: tuple[str, ...] = ()
         self._watch = Stopwatch()
         self._intact = self._open = True
         with writing(out):
+            require_kind(out, RUN)
             out.mkdir(parents=True, exist_ok=True)
             self._lock = lock(out)
             try:
                 self._staging = Staging(out)
-                self._mcap_name = f"{stem}.merge.mcap"
+                self._mcap_name = f"{stem}{MERGE_RECORDING}"
                 self._stream = self._staging.create(self._mcap_name)
                 try:
                     self._mcap = McapLog(self._stream, run_id, provenance)
@@ -132,6 +139,10 @@ class RunFolder:
         """
         self._lost = list(losses)
 
+    def noticed(self, remarks: Sequence[str]) -> None:
+        """What there is to say about the recordings and what of them was left out, in sentences, for the summary."""
+        self._remarks = tuple(remarks)
+
     def finish(self) -> None:
         """Make everything whole, then give every file its final name; nothing of it is half-written at any time."""
         with self._writing():
@@ -148,9 +159,14 @@ class RunFolder:
                 self._parquet.timed(stage.name, stage.elapsed_s, stage.count)
             self._parquet.close(self._provenance.inputs)
             earlier = _files_of(self._out / SUMMARY)
+            (self._out / REPORT).unlink(missing_ok=True)  # it tells of what is replaced now
             published = self._staging.publish()
             self._remove_leftovers(earlier, published)
-        self._close()
+        try:
+            if self._report:
+                self._tell()
+        finally:
+            self._close()
 
     def abort(self) -> None:
         """Stop here: leave partial files that hold everything reported so far. Never raises for a folder that fails."""
@@ -202,6 +218,18 @@ class RunFolder:
         if changed:
             self._place(last[1].stamp_ns if len(last) == 2 else last[2], redraw=True)
 
+    def _tell(self) -> None:
+        """Write the page of the run; raises OutputError when that goes wrong, which takes nothing from the run."""
+        from mapgraft.outputs.report import page_of, publish
+
+        try:
+            publish(self._out, page_of(self._out))
+        except Exception as error:
+            raise OutputError(
+                f"the run is whole in {self._out}, but its {REPORT} could not be made: {error}; "
+                "'mapgraft report' makes it without running again"
+            ) from error
+
     def _place(self, stamp_ns: int, redraw: bool = False) -> None:
         """Say where the map frames lie when that has changed, and draw the merges."""
         merges = self._standing.merges
@@ -231,6 +259,7 @@ class RunFolder:
             **({"ledgers": self._ledgers} if self._ledgers else {}),
             **({"unshown": self.unshown} if self.unshown else {}),
             "lost": self._lost,
+            "remarks": list(self._remarks),
             "files": [name for name in self._staging.names if "/run_id=" not in name],
         }
         self._staging.write(SUMMARY, json_bytes(summary))  # the last one renamed: who finds it finds all others

@@ -10,7 +10,7 @@ from mapgraft.config import ReversalName
 from mapgraft.errors import UsageError
 
 STRATEGIES: Final[tuple[ReversalName, ...]] = ("single_map", "multi_map", "ledger")
-SHORT: Final = {"single_map": "1M", "multi_map": "2M", "ledger": "ledger"}  # the first two as the paper calls them
+SHORT: Final[dict[ReversalName, str]] = {"single_map": "1M", "multi_map": "2M", "ledger": "ledger"}  # as in the paper
 MAP_TYPE: Final = "occupancy_grid"
 METRICS: Final = ("similarity", "distance")
 DRAWS_PER_MERGE: Final = 50  # pairs that are tried for each merge that is wanted, before the search is given up
@@ -36,8 +36,8 @@ class Settings:
     """As many ``right`` and ``wrong`` merges are sought per combination of resolutions.
 
     Maps are of ``scans`` scans, after which the receiver maps ``further`` ones; pairs are drawn by ``seed``.
-    ``matcher`` takes the place of Carpin's. After ``draws`` pairs the search for merges of a combination is given up, by
-    default after 50 for each that is wanted.
+    ``matcher`` takes the place of Carpin's. After ``draws`` pairs the search for merges of a combination is given up,
+    by default after 50 for each that is wanted.
     """
 
     right: int = 20

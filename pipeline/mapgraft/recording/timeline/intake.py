@@ -227,9 +227,7 @@ class Intake:
         x, y = T_map_sensor[0], T_map_sensor[1]
         if self._first_xy is None:
             if math.hypot(x, y) > _EARTH_M:
-                return (
-                    f"its pose lies {math.hypot(x, y):.6g} m from the origin of its frame, farther than any place"
-                )
+                return f"its pose lies {math.hypot(x, y):.6g} m from the origin of its frame, farther than any place"
             self._first_xy = (x, y)
             return None
         away_m = math.hypot(x - self._first_xy[0], y - self._first_xy[1])
