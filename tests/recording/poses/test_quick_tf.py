@@ -77,6 +77,14 @@ def test_other_encodings_and_byte_orders_are_left_to_the_general_way():
     assert transforms("cdr", b"\x00\x01\x00\x00\xff\xff\xff\xff") is None
 
 
+def test_stamps_of_ros1_beyond_2038_are_left_to_the_general_way():
+    whole = encoded("ros1", [(7, 2, "odom", "base", (1.0,) * 3 + (0.0, 0.0, 0.0, 1.0))])
+    at = 8  # behind the count and the sequence number
+    assert whole[at : at + 4] == bytes((7, 0, 0, 0))
+    assert transforms("ros1", whole[:at] + b"\xff\xff\xff\x7f" + whole[at + 4 :])[0].stamp_ns == (2**31 - 1) * 10**9 + 2
+    assert transforms("ros1", whole[:at] + b"\x00\x00\x00\x80" + whole[at + 4 :]) is None
+
+
 def test_leading_slashes_go():
     (record,) = transforms("ros1", encoded("ros1", [(1, 2, "/odom", "/base_link", (1.0,) * 3 + (0.0, 0.0, 0.0, 1.0))]))
     assert (record.frame, record.child, record.stamp_ns) == ("odom", "base_link", 1_000_000_002)

@@ -13,6 +13,7 @@ from mapgraft.recording.decoding.records import PoseRecord
 
 QUICK_TYPES = frozenset({"tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"})
 _MOST_TRANSFORMS = 10_000
+_LATEST_S = 2**31 - 1  # in 2038; what the general way makes of later stamps of ROS 1, whose seconds have no sign
 
 _uint32 = struct.Struct("<I").unpack_from
 _cdr_stamp = struct.Struct("<iII").unpack_from  # seconds, nanoseconds, size of the frame's name
@@ -60,6 +61,8 @@ def _from_ros1(data: Data) -> list[PoseRecord] | None:
     records, at = [], 4
     for _ in range(count):
         _, seconds, nanoseconds, size = _ros1_stamp(data, at)
+        if seconds > _LATEST_S:
+            return None
         frame, at = bytes(data[at + 16 : at + 16 + size]), at + 16 + size
         (size,) = _uint32(data, at)
         child, at = bytes(data[at + 4 : at + 4 + size]), at + 4 + size
