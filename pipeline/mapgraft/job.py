@@ -143,7 +143,7 @@ def run(
         if out is not None:
             output = checked.output
             folder = RunFolder(Path(out), stem(paths[0]), run_id, provenance, output.scans, output.report)
-            fan.sinks.append(stack.enter_context(folder))
+            fan.sinks.insert(0, stack.enter_context(folder))  # what anybody else hears of is on disk
             folder.keep(MISSION_FILE, remembered_text(paths, checked).encode())
         if opened is not None:
             opened(*_span_of(mission, checked))
@@ -167,7 +167,7 @@ def run(
             traffic=dict(assembly.exchange.traffic.sent),
             start_ns=mission.start_ns,
             lost=(*lost, *(folder.unshown if folder else ())),
-            remarks=remarks,
+            remarks=(*remarks, *(folder.unfinished if folder else ())),
             ledgers=tuple(ledgers),
         )
 

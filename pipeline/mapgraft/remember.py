@@ -10,6 +10,7 @@ from typing import Any
 
 from mapgraft.config import Config, parse_config
 from mapgraft.errors import UsageError
+from mapgraft.outputs.lock import settled
 
 MISSION_FILE = "mission.json"
 HAND_FIELDS = ("priors", "forbid", "verdicts")  # what persons say afterwards does not make it another run
@@ -33,7 +34,11 @@ def remembered_text(files: Sequence[Path], config: Config) -> str:
 
 
 def recall(folder: Path) -> Remembered:
-    """Read it back; raises UsageError when the folder is not one of a run, or a file that the run read is gone."""
+    """Read it back; raises UsageError when the folder is not one of a run, or a file that the run read is gone.
+
+    Raises OutputError when the folder is being written just now.
+    """
+    settled(folder)
     path = folder / MISSION_FILE
     try:
         content = json.loads(path.read_text(encoding="utf-8"))

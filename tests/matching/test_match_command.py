@@ -69,7 +69,7 @@ def test_an_accepted_pair_is_told_and_written(said: Said, pair, tmp_path: Path) 
     ):
         assert word in text
     names = {"match.json", "merged.pgm", "merged.yaml", "overlay.png"}
-    assert {path.name for path in out.iterdir()} == names
+    assert {path.name for path in out.glob("[!.]*")} == names
     told = json.loads((out / "match.json").read_text())
     assert set(told["files"]) == names
     assert told["accepted"] is True
@@ -84,7 +84,7 @@ def test_the_same_files_give_the_same_bytes(said: Said, pair, tmp_path: Path) ->
     a, b, _ = pair
     for name in ("one", "two"):
         assert said(a, b, "--resolution", 0.05, "-o", tmp_path / name)[0] == 0
-    for path in (tmp_path / "one").iterdir():
+    for path in (tmp_path / "one").glob("[!.]*"):
         assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes(), path.name
 
 
@@ -118,7 +118,7 @@ def test_what_is_not_accepted_is_shown_and_not_merged(said: Said, pair, stranger
     assert re.search(r"^ +score +margin +x m +y m +yaw °", text, re.MULTILINE)
     assert re.search(r"^1 +\S+ +\S+( +-?\d+\.\d+){3}", text, re.MULTILINE)
     assert "evidence." in text and "similarity" in text and "nan" not in text
-    assert {path.name for path in out.iterdir()} == {"candidate.png", "match.json"}, (
+    assert {path.name for path in out.glob("[!.]*")} == {"candidate.png", "match.json"}, (
         "nothing of the earlier match stays"
     )
     told = json.loads((out / "match.json").read_text())
@@ -132,7 +132,7 @@ def test_a_rejected_pair_gives_every_rules_reason(said: Said, pair, tmp_path: Pa
     assert code == 0
     assert "rejected" in text
     assert "✗ grids: resolution_ratio is 20" in text
-    assert [path.name for path in (tmp_path / "out").iterdir()] == ["match.json"]
+    assert [path.name for path in (tmp_path / "out").glob("[!.]*")] == ["match.json"]
 
 
 def test_a_described_map_tells_its_resolution_itself(said: Said, save, floor, tmp_path: Path) -> None:
@@ -204,7 +204,7 @@ def test_a_list_is_judged(said: Said, pair, stranger: Path, tmp_path: Path) -> N
         "longest",
     ):
         assert word in text
-    assert [path.name for path in (tmp_path / "out").iterdir()] == ["turned.png"]
+    assert [path.name for path in (tmp_path / "out").glob("[!.]*")] == ["turned.png"]
     code, text, _ = said(*lists, "--across", "--json")
     document = json.loads(text)
     assert code == 0

@@ -222,7 +222,7 @@ def test_labels_are_appended_beside_what_is_there(tmp_path: Path) -> None:
     }
     rows = rows_table("labels", [{"merge_id": "z", **label}, {"merge_id": "a", **label, "T_receiver_donor": None}])
     name = write_rows(folder, "labels", RUN_ID, rows)
-    assert re.fullmatch(rf"labels/run_id={RUN_ID}/part-00000-[0-9a-f]{{8}}\.parquet", name)
+    assert re.fullmatch(rf"labels/run_id={RUN_ID}/part-00000-[0-9a-f]{{32}}\.parquet", name)
     read = pl.read_parquet(f"{folder}/labels/**/*.parquet", hive_partitioning=True)
     assert read["merge_id"].to_list() == ["a", "z"]
     assert list(folder.glob("labels/**/.*")) == []

@@ -14,8 +14,9 @@ from mapgraft.matching.overlay import paint, png
 from mapgraft.matching.pairing import Hypothesis, Pairing
 from mapgraft.matching.placing import placed_sketch, sketch
 from mapgraft.outputs.files import json_bytes
+from mapgraft.outputs.lock import locked
 from mapgraft.outputs.names import file_names
-from mapgraft.outputs.staging import Staging, sync_folder, writing
+from mapgraft.outputs.staging import Staging, writing
 from mapgraft.procedures import Workshop
 
 DOCUMENT = "match.json"
@@ -30,18 +31,12 @@ def write_folder(out: Path, pairing: Pairing, workshop: Workshop) -> list[str]:
     Returns the names of the files. Raises OutputError when the folder cannot be written.
     """
     files = _files(pairing, workshop)
-    with writing(out):
-        out.mkdir(parents=True, exist_ok=True)
+    with locked(out), writing(out):
         earlier, staging = _listed(out / DOCUMENT), Staging(out)
         for name, content in files.items():
             staging.write(name, content)
         staging.write(DOCUMENT, json_bytes({**document(pairing), "files": [*files, DOCUMENT]}))  # the last one renamed
-        published = staging.publish()
-        for name in earlier:
-            if name not in published:
-                (out / name).unlink(missing_ok=True)
-        sync_folder(out)
-    return published
+        return staging.publish(gone=[name for name in earlier if name not in staging.names])
 
 
 def write_judged(out: Path, judged: Sequence[Judged], workshop: Workshop) -> list[str]:
@@ -50,8 +45,7 @@ def write_judged(out: Path, judged: Sequence[Judged], workshop: Workshop) -> lis
     Returns the names of the files. Raises OutputError when the folder cannot be written.
     """
     names = file_names()
-    with writing(out):
-        out.mkdir(parents=True, exist_ok=True)
+    with locked(out), writing(out):
         staging = Staging(out)
         for one in judged:
             if one.pairing.best is not None and (one.pairing.accepted or one.pair.kind != "unrelated"):

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from mapgraft.errors import OutputError
-from mapgraft.outputs.staging import writing
+from mapgraft.outputs.staging import JOURNAL, settle, writing
 
 LOCK = ".mapgraft.lock"
 RUN, EXPERIMENT = "summary.json", "experiment.json"  # who finds one of them finds everything that goes with it
@@ -26,11 +26,13 @@ def require_kind(out: Path, kind: str) -> None:
 def lock(out: Path) -> int:
     """An open descriptor that holds the folder's lock; closing it, or dying, gives it back.
 
-    Raises OutputError when somebody else holds it, OSError when the folder cannot be written.
+    What a killed process had begun to publish is published first. Raises OutputError when somebody else holds the lock,
+    OSError when the folder cannot be written.
     """
     descriptor = os.open(out / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        settle(out)
     except BlockingIOError:
         os.close(descriptor)
         raise OutputError(f"{out} is being written by another run: wait for it or choose another folder") from None
@@ -53,3 +55,14 @@ def locked(out: Path) -> Iterator[None]:
         yield
     finally:
         os.close(descriptor)
+
+
+def settled(out: Path) -> None:
+    """See to it that what is read in a folder belongs together, for those who only read.
+
+    Raises OutputError when somebody is writing it just now, or when what a killed process had begun to publish cannot
+    be published.
+    """
+    if (out / JOURNAL).exists():
+        with locked(out):
+            pass

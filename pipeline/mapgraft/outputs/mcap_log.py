@@ -30,6 +30,7 @@ from mapgraft_schemas import VERSION, viewer_layout
 
 WORLD = "world"
 EVENTS, LOG, LINKS, TF, TF_STATIC = "/merge/events", "/rosout", "/merge/links", "/tf", "/tf_static"
+RUN_RECORD = "merge_run"  # the metadata record that says which run it is
 _BODY_PERIOD_NS = 100_000_000  # at most ten body poses per robot and second of data time
 _TYPES = {TF: TF_TYPE, EVENTS: MERGE_EVENT, LOG: LOG_TYPE}
 _SHOWN = ("nav_msgs/msg/OccupancyGrid", "sensor_msgs/msg/PointCloud2")
@@ -58,7 +59,7 @@ class McapLog:
         self.unshown: dict[str, str] = {}  # prefix of the topic → why the map was left out for the first time
         self._writer: Any = Writer(stream, compression=CompressionType.ZSTD)
         self._writer.start("ros2", f"mapgraft/{provenance.version}")
-        self._writer.add_metadata("merge_run", provenance.record(run_id))
+        self._writer.add_metadata(RUN_RECORD, provenance.record(run_id))
         self._writer.add_metadata("merge_schema", {"version": VERSION})
         self._attach("config.yaml", "application/yaml", provenance.config_text)
         self._attach("decision_table.yaml", "application/yaml", provenance.decision_table_text)

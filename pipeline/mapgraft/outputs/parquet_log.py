@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from uuid import uuid4
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -18,20 +18,33 @@ from mapgraft.outputs.tables import Row, events_table, metrics_table, recordings
 from mapgraft_schemas import arrow_schema, table
 
 WRITTEN = ("events", "metrics", "maps", "recordings", "timings")  # anew by every run; labels are people's
+UNTITLED = ".part-00000.parquet"  # a run's part before it is finished; readers of a data set skip names with a dot
 _BATCH = 1024  # events that wait to become Arrow
 _GROUP_ROWS = 65_536  # rows of one row group, at most
+_DIGITS = 8  # of one part among few
+_DIGITS_OF_MANY = 32  # of parts that many writers add for ever: no two of other content may have one name
 _GROUP_BYTES = 32 * 2**20  # of Arrow data waiting to become a row group
 
 
 class PartWriter:
-    """Streams one part of one table; rows must come sorted as the table says. Methods raise OSError."""
+    """Streams one part of one table; rows must come sorted as the table says. Methods raise OSError.
+
+    ``writer`` tells several of them apart, who write parts of one table at the same time. The final name holds
+    ``digits`` hex digits of the part's content.
+    """
 
     def __init__(
-        self, staging: Staging, name: str, run_id: str, writer: str = "", group_rows: int = _GROUP_ROWS
+        self,
+        staging: Staging,
+        name: str,
+        run_id: str,
+        writer: str = "",
+        group_rows: int = _GROUP_ROWS,
+        digits: int = _DIGITS,
     ) -> None:
-        self._group_rows = group_rows
+        self._group_rows, self._digits = group_rows, digits
         self._folder, self._staging = f"{name}/run_id={run_id}", staging
-        self._name = f"{self._folder}/.part-00000{writer}.parquet"  # readers of a data set skip names with a dot
+        self._name = f"{self._folder}/{UNTITLED.replace('.parquet', f'{writer}.parquet')}"
         self._stream = staging.create(self._name)
         schema = arrow_schema(name)  # run_id is told by the folder; as a column it would clash with the partition
         self._schema = schema.with_metadata({**schema.metadata, "run_id": run_id})
@@ -58,14 +71,14 @@ class PartWriter:
             self._write_group()
 
     def close(self) -> None:
-        """The part is whole and on disk when this returns; its final name holds 8 hex digits of its content."""
+        """The part is whole and on disk when this returns."""
         if self._rows:
             self._write_group()
         self._writer.close()
         sync(self._stream)
         self._stream.close()
         digest = sha256_of(self._staging.partial(self._name))
-        self._staging.call(self._name, f"{self._folder}/part-00000-{digest[:8]}.parquet")
+        self._staging.call(self._name, f"{self._folder}/part-00000-{digest[: self._digits]}.parquet")
 
     def abandon(self) -> None:
         """Let go of a part that could not be written."""
@@ -131,24 +144,26 @@ class ParquetLog:
 def write_rows(out: Path, name: str, run_id: str, rows: pa.Table) -> str:
     """Append a part to a table of an output folder, atomically; returns its name, relative to the folder.
 
-    For rows that people add after a run (``labels``). ``rows`` are cast to the table's schema and sorted as it says.
+    For rows that people add after a run (``labels``), also several at once: nobody waits for anybody, nobody's part is
+    replaced. The same rows written twice are one part. ``rows`` are cast to the table's schema and sorted as it says.
     Raises OutputError when the folder cannot be written, ValueError when the rows do not fit the schema.
     """
     keys = [(column, "ascending") for column in table(name).sorted_by]
     fitting = rows.cast(arrow_schema(name)).sort_by(keys)
     staging = Staging(out)
     with writing(out):
-        part = PartWriter(staging, name, run_id, writer=f"-{os.getpid()}")
+        part = PartWriter(staging, name, run_id, writer=f"-{uuid4().hex}", digits=_DIGITS_OF_MANY)
         try:
             part.append(fitting)
             part.close()
         except BaseException:
             part.abandon()
+            staging.remove()
             raise
         return staging.publish()[0]
 
 
-def other_parts(out: Path, name: str, run_id: str, kept: Sequence[str]) -> list[Path]:
+def other_parts(out: Path, name: str, run_id: str, kept: Sequence[str]) -> list[str]:
     """Parts of this run that an earlier writing of it left behind: all but those in ``kept`` (relative names)."""
-    folder = out / name / f"run_id={run_id}"
-    return [path for path in sorted(folder.glob("part-*.parquet")) if path.relative_to(out).as_posix() not in kept]
+    parts = sorted((out / name / f"run_id={run_id}").glob("part-*.parquet"))
+    return [found for path in parts if (found := path.relative_to(out).as_posix()) not in kept]

@@ -67,5 +67,10 @@ def run_id_of(provenance: RunProvenance) -> str:
     return "r" + _digest(json.dumps(essence, sort_keys=True))[:15]
 
 
+def is_run_id(text: str) -> bool:
+    """Whether a text can be a run's id: a letter and then letters, digits, '_' and '-', so that it can be in a name."""
+    return text[:1].isalpha() and text.isascii() and text.replace("_", "").replace("-", "").isalnum()
+
+
 def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()

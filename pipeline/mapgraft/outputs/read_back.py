@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 import zstandard
 from mcap.exceptions import McapError
-from mcap.records import Attachment, Channel, McapRecord, Message
+from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
 from mcap.stream_reader import StreamReader
 
 from mapgraft.errors import OutputError
 from mapgraft.events import Event
 from mapgraft.outputs.event_message import event_of
-from mapgraft.outputs.mcap_log import EVENTS
+from mapgraft.outputs.mcap_log import EVENTS, RUN_RECORD
 from mapgraft.outputs.messages import MERGE_EVENT, MessageEncoder
+from mapgraft.outputs.provenance import is_run_id
 
+_BROKEN = (McapError, zstandard.ZstdError, struct.error, ValueError)
 _MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -32,6 +36,28 @@ def read_events(path: Path) -> list[Event]:
         elif isinstance(record, Message) and record.channel_id in channels:
             events.append(event_of(encoder.decode(MERGE_EVENT, record.data)))
     return events
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What a recording tells of, as far as it can be read: of which run it is, and how many events there are."""
+
+    run_id: str = ""
+    events: int = 0
+
+
+def told_by(path: Path) -> Told:
+    """What a ``.merge.mcap.partial`` tells of; nothing where the file is none. Raises OSError."""
+    run_id, events, channels = "", 0, set[int]()
+    with path.open("rb") as stream, suppress(*_BROKEN):
+        for record in StreamReader(stream, validate_crcs=True).records:
+            if isinstance(record, Metadata) and record.name == RUN_RECORD:
+                run_id = record.metadata.get("run_id", "")
+            elif isinstance(record, Channel) and record.topic == EVENTS:
+                channels.add(record.id)
+            elif isinstance(record, Message) and record.channel_id in channels:
+                events += 1
+    return Told(run_id if is_run_id(run_id) else "", events)
 
 
 def read_attachment(path: Path, name: str) -> bytes:
@@ -54,7 +80,7 @@ def _records(path: Path) -> Iterator[McapRecord]:
             stream.seek(0)
             try:
                 yield from StreamReader(stream, validate_crcs=True).records
-            except (McapError, zstandard.ZstdError, struct.error, ValueError) as error:
+            except _BROKEN as error:
                 if finished:
                     raise OutputError(f"{path} is damaged ({error}): run again to write it anew") from error
     except OSError as error:

@@ -19,10 +19,11 @@ from mapgraft.outputs.mcap_log import McapLog
 from mapgraft.outputs.names import file_names
 from mapgraft.outputs.parquet_log import WRITTEN, ParquetLog, PartWriter, other_parts
 from mapgraft.outputs.poses import Pose, paths_of
-from mapgraft.outputs.provenance import RunProvenance
+from mapgraft.outputs.provenance import RunProvenance, is_run_id
 from mapgraft.outputs.scene import Scene
 from mapgraft.outputs.staging import Staging, close_quietly, sync_folder, writing
 from mapgraft.outputs.standing import StandingMerges
+from mapgraft.outputs.unfinished import make_room, set_aside
 from mapgraft.stopwatch import Stopwatch
 from mapgraft_schemas import VERSION
 
@@ -41,6 +42,7 @@ class RunFolder:
     Everything is written under ``.partial`` names. A decision is on disk when ``happened`` returns. ``finish`` renames
     everything at once; ``abort`` leaves the partial files behind, from which ``read_events`` reads every decision. As
     a context manager it finishes, or aborts when an error came through. Tables of other runs in the folder stay.
+    What an unfinished run had decided stays readable until the same run is finished here.
     With ``report`` the page of the run is made when all else is published, from what is in the folder then.
 
     Raises OutputError when the folder cannot be written, or when another run is writing it.
@@ -49,7 +51,7 @@ class RunFolder:
     def __init__(
         self, out: Path, stem: str, run_id: str, provenance: RunProvenance, scans: bool = False, report: bool = False
     ) -> None:
-        if not (run_id[:1].isalpha() and run_id.isascii() and run_id.replace("_", "").replace("-", "").isalnum()):
+        if not is_run_id(run_id):
             raise OutputError(f"a run id is a letter and then letters, digits, '_' and '-', found {run_id!r}")
         self._out, self._run_id, self._provenance = out, run_id, provenance
         self._scans, self._report = scans, report
@@ -69,12 +71,15 @@ class RunFolder:
             out.mkdir(parents=True, exist_ok=True)
             self._lock = lock(out)
             try:
+                make_room(out, stem, MERGE_RECORDING)
+                self._aside = set_aside(out, MERGE_RECORDING)
                 self._staging = Staging(out)
                 self._mcap_name = f"{stem}{MERGE_RECORDING}"
                 self._stream = self._staging.create(self._mcap_name)
                 try:
                     self._mcap = McapLog(self._stream, run_id, provenance)
                     self._parquet = ParquetLog(self._staging, run_id)
+                    sync_folder(out)  # the recording has a name after a power cut, too
                 except BaseException:
                     close_quietly(self._stream)
                     raise
@@ -124,6 +129,15 @@ class RunFolder:
         """Which maps could not be written because their type failed, in sentences; complete after ``finish``."""
         return [*self._mcap.unshown.values(), *self._unshown.values()]
 
+    @property
+    def unfinished(self) -> list[str]:
+        """What other runs that did not come to their end have left in the folder, in sentences."""
+        return [
+            f"{self._out / name} tells what another run had decided before it was ended: remove it when nobody needs it"
+            for name, run_id in self._aside.items()
+            if run_id != self._run_id
+        ]
+
     def audited(self, findings: list[dict[str, Any]]) -> None:
         """What was found out about the ledgers, for the summary."""
         self._ledgers = findings
@@ -158,10 +172,7 @@ class RunFolder:
             for stage in self._watch.stages:
                 self._parquet.timed(stage.name, stage.elapsed_s, stage.count)
             self._parquet.close(self._provenance.inputs)
-            earlier = _files_of(self._out / SUMMARY)
-            (self._out / REPORT).unlink(missing_ok=True)  # it tells of what is replaced now
-            published = self._staging.publish()
-            self._remove_leftovers(earlier, published)
+            self._staging.publish(gone=self._leftovers())
         try:
             if self._report:
                 self._tell()
@@ -276,16 +287,14 @@ class RunFolder:
             }
         return out
 
-    def _remove_leftovers(self, earlier: list[str], published: list[str]) -> None:
+    def _leftovers(self) -> list[str]:
         """What an earlier writing of this folder had and this one has not, so that nobody takes it for today's."""
-        ours = [name for name in earlier if name.startswith(_OURS) and "/run_id=" not in name]
-        stale = [self._out / name for name in ours if name not in published]
+        new = self._staging.names
+        earlier = [name for name in _files_of(self._out / SUMMARY) if name.startswith(_OURS) and "/run_id=" not in name]
+        gone = [REPORT, *(name for name in earlier if name not in new)]  # the page tells of what is replaced now
         for table in WRITTEN:
-            stale += other_parts(self._out, table, self._run_id, published)
-        for path in stale:
-            path.unlink(missing_ok=True)
-        for folder in sorted({path.parent for path in stale if path.parent.is_dir()}):
-            sync_folder(folder)
+            gone += other_parts(self._out, table, self._run_id, new)
+        return gone + [name for name, run_id in self._aside.items() if run_id == self._run_id]
 
     @contextmanager
     def _writing(self) -> Iterator[None]:

@@ -1,18 +1,26 @@
-"""Writing a folder so that nobody ever sees half of a file: ``.partial`` names, fsync, atomic rename."""
+"""Writing a folder so that nobody ever sees half of a file, nor half of what belongs together.
+
+Files are written under ``.partial`` names and synced. What is to be renamed and removed is then put down in a journal,
+which appears at once; from that moment on the new files count. Whoever is killed while renaming leaves the journal, and
+the next one who writes the folder carries it out.
+"""
 
 from __future__ import annotations
 
 import errno
 import hashlib
+import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from pathlib import Path
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
 from mapgraft.errors import OutputError
 
 SUFFIX = ".partial"
+JOURNAL = ".mapgraft.publishing"
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 
@@ -58,20 +66,102 @@ class Staging:
         """Give a file that was created as ``name`` another final name, in the same folder."""
         self._final[name] = final
 
+    def remove(self) -> None:
+        """Take away the partial files of what will not be published, as far as the folder lets us."""
+        for name in self._final:
+            with suppress(OSError):
+                self.partial(name).unlink()
+        self._final.clear()
+
     @property
     def names(self) -> list[str]:
         """Final names of all files so far, sorted."""
         return sorted(self._final.values())
 
-    def publish(self) -> list[str]:
-        """Rename all files to their final names; they must be closed and on disk. Returns the names, sorted."""
-        for name, final in self._final.items():
-            os.replace(self.partial(name), self._out / final)  # noqa: PTH105 (says what it does: atomic)
-        for folder in sorted({(self._out / final).parent for final in self._final.values()}):
-            sync_folder(folder)
+    def publish(self, gone: Iterable[str] = ()) -> list[str]:
+        """Rename all files to their final names and remove ``gone`` (relative names), all of it or nothing.
+
+        The files must be closed and on disk. Where there is more than one thing to do, the caller must hold the lock of
+        the folder. Returns the names, sorted.
+        """
         published = self.names
+        plan = _Plan({name + SUFFIX: final for name, final in self._final.items()}, tuple(sorted({*gone})))
+        journalled = len(plan.renamed) + len(plan.gone) > 1
+        if journalled:
+            _write_journal(self._out, plan)
+        try:
+            _carry_out(self._out, plan, journalled)
+        except KeyboardInterrupt:  # a few renames, which must not stop half-way because somebody is in a hurry
+            _carry_out(self._out, plan, journalled)
+            raise
         self._final.clear()
         return published
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """What there is to do to make a folder's new files count: partial name → final name, and names that go."""
+
+    renamed: Mapping[str, str]
+    gone: tuple[str, ...] = ()
+
+
+def settle(out: Path) -> None:
+    """Carry out what a process had begun to publish when it was killed; nothing where there is no journal.
+
+    The caller must hold the lock of the folder. Raises OSError, and OutputError when the journal is none of ours.
+    """
+    journal = out / JOURNAL
+    if not journal.is_file():
+        return
+    try:
+        told = json.loads(journal.read_text(encoding="utf-8"))
+        plan = _Plan(dict(told["renamed"]), tuple(told["gone"]))
+        harmless = all(map(_is_within, (*plan.renamed, *plan.renamed.values(), *plan.gone)))
+    except (ValueError, KeyError, TypeError):
+        harmless = False
+    if not harmless:
+        raise OutputError(f"{journal} is not what a run writes there: remove it, or choose another folder")
+    _carry_out(out, plan, journalled=True)
+
+
+def _write_journal(out: Path, plan: _Plan) -> None:
+    partial = out / (JOURNAL + SUFFIX)
+    with partial.open("wb") as stream:
+        stream.write(json.dumps({"renamed": plan.renamed, "gone": plan.gone}).encode())
+        sync(stream)
+    for folder in _folders(out, plan.renamed):  # the partial files' own names
+        sync_folder(folder)
+    partial.replace(out / JOURNAL)
+    sync_folder(out)
+
+
+def _carry_out(out: Path, plan: _Plan, journalled: bool) -> None:
+    """Do what is left to do; doing it twice does no harm."""
+    for name in plan.gone:
+        (out / name).unlink(missing_ok=True)
+    for partial, final in plan.renamed.items():
+        with suppress(FileNotFoundError):  # it has been renamed before
+            os.replace(out / partial, out / final)  # noqa: PTH105 (says what it does: atomic)
+    for folder in _folders(out, (*plan.renamed.values(), *plan.gone)):
+        sync_folder(folder)
+    if journalled:
+        (out / JOURNAL).unlink(missing_ok=True)
+        sync_folder(out)
+
+
+def _folders(out: Path, names: Iterable[str]) -> list[Path]:
+    """The folders in which these files are, and those above them in ``out``, deepest first."""
+    below = {folder for name in names for folder in PurePosixPath(name).parents}
+    return [folder for name in sorted(below, reverse=True) if (folder := out / name).is_dir()]
+
+
+def _is_within(name: object) -> bool:
+    """Whether a name leads to somewhere in the folder."""
+    if not isinstance(name, str):
+        return False
+    path = PurePosixPath(name)
+    return bool(path.parts) and not path.is_absolute() and ".." not in path.parts
 
 
 def sync(stream: BinaryIO) -> None:

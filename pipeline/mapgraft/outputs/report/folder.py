@@ -13,6 +13,7 @@ import numpy as np
 from mapgraft.contracts import Exactness, Measurement, Transform
 from mapgraft.errors import UsageError
 from mapgraft.events import Event
+from mapgraft.outputs.lock import settled
 from mapgraft.outputs.run_folder import MERGE_RECORDING, ROUTINE, SUMMARY
 from mapgraft.outputs.staging import SUFFIX
 
@@ -101,9 +102,11 @@ class FinishedRun:
 
 
 def open_run(path: Path) -> FinishedRun:
-    """The run in a folder; raises UsageError when there is none, or none that is finished."""
+    """The run in a folder; raises UsageError when there is none, or none that is finished, OutputError when it is being
+    written just now."""
     if not path.is_dir():
         raise UsageError(f"there is no folder {path}: give the folder that mapgraft run wrote")
+    settled(path)
     if not (path / SUMMARY).is_file():
         if unfinished := sorted(path.glob(f"*{MERGE_RECORDING}{SUFFIX}")):
             raise UsageError(
