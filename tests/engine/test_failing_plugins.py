@@ -40,7 +40,7 @@ def failures(memory, receiver: str = "alpha") -> list[str]:
 
 def alone(play, *observations) -> bytes:
     _, robots, _ = play(*observations)
-    return robots["alpha"].encoded_layer()
+    return robots["alpha"].own.encoded_layer()
 
 
 def broken(monkeypatch, name: str, method: str, answer) -> None:
@@ -89,7 +89,7 @@ def test_nonsense_is_named_and_enters_no_ledger(play, monkeypatch, name, method,
     memory, robots, _ = play(*observations, meet=(1,), rules=[{"name": "first", **RULE}])
     assert sentence in failures(memory)[0]
     alpha = robots["alpha"]
-    assert alpha.encoded_layer() == untouched
+    assert alpha.own.encoded_layer() == untouched
     assert not alpha.merges
     assert alpha.reversal.fused() is alpha.reversal.own()
     assert told(memory)[-1] in ("rejected", "reverted")
@@ -124,7 +124,7 @@ def test_a_contribution_is_checked_before_it_enters(play, monkeypatch, changes, 
     broken(monkeypatch, "Sum", "fuse", _contribution(**changes))
     memory, robots, _ = play(*ALIKE, LATER, meet=(1,), rules=[{"name": "first", **RULE}], reversal=reversal)
     assert sentence in failures(memory)[0]
-    assert robots["alpha"].encoded_layer() == untouched
+    assert robots["alpha"].own.encoded_layer() == untouched
     assert dict(robots["alpha"].reversal.fused().counts) == {0: 1, 2: 1, 5: 2}
 
 

@@ -98,7 +98,7 @@ def test_what_was_seen_before_is_told_in_a_step_of_its_own_first(play):
         ([], True, True, -4.5, 4),
     ]
     alpha.observe(observation_of(alpha, 6, 32))
-    alpha.verify(alpha.merges["bravo"], 6 * SECOND, everything=True)
+    alpha.standing.verify(alpha.merges["bravo"], 6 * SECOND, everything=True)
     assert steps[-1] == ([(32,)], False, False, -4.5, 4)
 
 
@@ -119,10 +119,10 @@ def test_the_swapped_map_is_that_of_a_merge_made_there_and_reverting_leaves_no_t
     assert fresh.merges["bravo"].comparison.T_receiver_donor.x_m == -4.5
     if reverts:
         _, alone, _ = play(*ALIKE, *FURTHER, rules=rules(), reversal=reversal)
-        swapped.revert(swapped.merges["bravo"], 9 * SECOND, "", "test")
+        swapped.standing.revert(swapped.merges["bravo"], 9 * SECOND, "", "test")
         fresh = alone["alpha"]
     assert swapped.reversal.fused() == fresh.reversal.fused()
-    assert swapped.encoded_layer() == fresh.encoded_layer()
+    assert swapped.own.encoded_layer() == fresh.own.encoded_layer()
 
 
 def test_a_newer_map_of_the_donor_refines_too_in_one_event(play):
@@ -162,7 +162,7 @@ def test_moves_never_lead_away_from_the_place_that_was_accepted(play):
     assert [e.T_receiver_donor.x_m for e in of_alpha(memory, "merged", "updated")] == [-2.5, -2.25, -2.0]
     merge = robots["alpha"].merges["bravo"]
     assert [T.x_m for T in merge.stood] == [-2.5, -2.25, -2.0]
-    robots["alpha"].revert(merge, 99 * SECOND, "", "test")
+    robots["alpha"].standing.revert(merge, 99 * SECOND, "", "test")
     (refusal,) = robots["alpha"].attempts.refusals.by_donor["bravo"]
     assert refusal.stood == tuple(merge.stood)
 

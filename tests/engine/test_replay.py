@@ -49,7 +49,7 @@ def test_the_bytes_after_a_revert_are_those_of_a_run_without_the_merge(play, rev
     memory, robots, _ = play(*observations, meet=(1,), reversal=reversal)
     _, alone, _ = play(*observations, reversal=reversal)
     assert "reverted" in kinds(memory)
-    assert robots["alpha"].encoded_layer() == alone["alpha"].encoded_layer()
+    assert robots["alpha"].own.encoded_layer() == alone["alpha"].own.encoded_layer()
 
 
 def test_a_reverted_transform_is_not_tried_again(play):
@@ -182,7 +182,7 @@ def test_in_a_single_map_another_merge_makes_every_metric_look_at_everything_aga
     for watch in alpha.merges["bravo"]._watches:
         watch.tracker = Watching(watch.tracker)
     exchange.hold(Meeting(2 * SECOND, (("alpha", "charlie"),)))
-    alpha.verify(alpha.merges["bravo"], 3 * SECOND, everything=True)
+    alpha.standing.verify(alpha.merges["bravo"], 3 * SECOND, everything=True)
     assert steps == [None]
 
 

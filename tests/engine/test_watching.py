@@ -147,8 +147,8 @@ def test_regions_are_united_only_for_those_who_ask():
 )
 def test_what_goes_on_as_before_is_written_down_at_the_rhythm_of_the_log_and_at_the_end(play, every, log, told):
     memory, alpha, merge, _ = standing(play, rules(every=every, **log))
-    while alpha.trail.now < 34:
-        alpha.observe(heard(2, second=alpha.trail.now))
+    while alpha.standing.trail.now < 34:
+        alpha.observe(heard(2, second=alpha.standing.trail.now))
     events = [e for e in memory.events if e.receiver == "alpha" and e.kind == "verified"][1:]
     assert [e.receiver_version for e in events] == told
     assert len(merge.history) == 1 + (34 // every - 1 // every)
@@ -182,4 +182,4 @@ def test_the_history_holds_the_first_sample_and_the_latest(play):
     assert len(counts) == 1 + RECENT_SAMPLES
     assert counts[0] == 0
     assert counts[1:] == list(range(merge.observations - RECENT_SAMPLES + 1, merge.observations + 1))
-    assert len(alpha.trail) < 100
+    assert len(alpha.standing.trail) < 100

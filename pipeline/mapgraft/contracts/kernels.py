@@ -26,9 +26,10 @@ def share_cache() -> None:
     """
     from numba.core import caching
 
-    if caching.IndexDataCacheFile is not SharedCacheFile:
-        SharedCacheFile.numbered = caching.IndexDataCacheFile
-        caching.IndexDataCacheFile = SharedCacheFile
+    numbas = vars(caching)
+    if numbas["IndexDataCacheFile"] is not SharedCacheFile:
+        SharedCacheFile.numbered = numbas["IndexDataCacheFile"]
+        numbas["IndexDataCacheFile"] = SharedCacheFile
 
 
 class SharedCacheFile:
