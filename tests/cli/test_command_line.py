@@ -280,15 +280,23 @@ def test_names_from_a_recording_cannot_steer_the_terminal(tmp_path, capsys):
     assert "\\x1b" in text
 
 
-def test_ctrl_c_says_so_and_leaves_what_was_decided(tmp_path):
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "ended by SIGTERM"), (signal.SIGHUP, "ended by SIGHUP")],
+)
+def test_whoever_ends_a_run_is_told_so_and_what_was_decided_stays(tmp_path, number, said):
     out = tmp_path / "out"
     command = [sys.executable, "-m", "mapgraft", "run", "-q", "-o", str(out)]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"})
     deadline = time.monotonic() + 60
-    while not list(out.glob("**/*.mcap*")) and time.monotonic() < deadline:
+    while not (out / "mission.json.partial").exists() and time.monotonic() < deadline:
         time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
+    if number != signal.SIGINT:
+        process.send_signal(number)  # saying it twice makes it no faster
     _, err = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert err == "mapgraft: interrupted; what was decided before is on disk\n"
+    assert process.returncode == 128 + number
+    assert err == f"mapgraft: {said}; what was decided before is on disk\n"
     assert not list(out.glob("*.merge.mcap"))
+    (partial,) = out.glob("*.merge.mcap.partial")
+    assert partial.read_bytes().endswith(b"\x89MCAP0\r\n"), "it was closed"
