@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from mapgraft.documents import parse_toml, parse_yaml, read_text
 from mapgraft.errors import ConfigError
 
+ClockName = Literal["auto", "header", "log"]
 ReversalName = Literal["ledger", "single_map", "multi_map"]
 TURN_RAD = 2.0 * math.pi
 Seconds = Annotated[float, Field(allow_inf_nan=False)]
@@ -54,7 +55,9 @@ class PosesConfig(Section):
 
     ``file``: another recording or a TUM trajectory that holds the poses of these scans. ``topic``: an odometry or pose
     topic instead of the tf tree. ``max_gap_s``: how far the nearest poses on both sides of a scan may lie apart in
-    time; a scan without a pose is counted and left out. ``prefix``: put before bare frames of ``/<robot>/tf``.
+    time; a scan without a pose is counted and left out. ``max_speed_m_s``: a scan whose pose has jumped farther than a
+    robot of this speed moves is counted and left out, until the poses stay where they jumped to. ``prefix``: put before
+    bare frames of ``/<robot>/tf``.
     """
 
     file: Path | None = None
@@ -63,6 +66,7 @@ class PosesConfig(Section):
     base_frame: str | None = None
     prefix: str | None = None
     max_gap_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.5
+    max_speed_m_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 50.0
 
 
 class WindowConfig(Section):
@@ -84,7 +88,9 @@ class RobotConfig(Section):
     ``source`` names the discovered robot this one is taken from (default: the one of the same name); with ``window``
     several robots can be cut from one recording, each with a map frame of its own that starts at its first pose.
     ``files`` are paths, names or patterns of the files that hold it. ``options`` are for the format that reads a
-    ready-made map file: ``{unknown_gray: 205}``.
+    ready-made map file: ``{unknown_gray: 205}``. ``clock`` is as in the mission. ``clock_offset_s`` is added to its
+    stamps; where it is left out, robots that one recorder heard, or that share ``mission.common_event``, are brought
+    together by it.
     """
 
     source: str | None = None
@@ -94,7 +100,8 @@ class RobotConfig(Section):
     maps: list[str] | None = None
     poses: PosesConfig = PosesConfig()
     window: WindowConfig | None = None
-    clock_offset_s: Seconds = 0.0
+    clock: ClockName | None = None
+    clock_offset_s: Seconds | None = None
     map: MapConfig = MapConfig()
     reversal: ReversalName | None = None
 
@@ -129,6 +136,10 @@ class MissionConfig(Section):
     """The timeline: ``aligned`` shifts robots that recorded one after another to a common start.
 
     With ``known_poses`` the relative poses that the recording itself tells are priors for every pair of robots.
+    ``clock`` says what the time of a message is: the stamp in its ``header``, also where it cannot be true, or the time
+    of recording (``log``). ``auto`` takes the stamps where they are of use, and the time of recording for those that
+    cannot be true. ``common_event`` is a topic whose messages the recorders of several files have heard alike: their
+    clocks are brought together by it.
     """
 
     start: Literal["aligned", "recorded"] = "aligned"
@@ -137,6 +148,8 @@ class MissionConfig(Section):
     every: Annotated[int, Field(ge=1)] = 1
     typestore: str = "ros2_humble"
     known_poses: bool = False
+    clock: ClockName = "auto"
+    common_event: str | None = None
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:

@@ -8,10 +8,15 @@ from collections.abc import Sequence
 from mapgraft.contracts import ConfigError, Meeting, Situation
 
 NS_PER_S = 1_000_000_000
+MOST_AT_ONCE = 100
+"""Meetings between two observations; in a hole of years nobody has anything new to say but at the first of them."""
 
 
 class Every:
-    """Everybody meets every ``seconds`` of data time, and once more at the end, when the maps are complete."""
+    """Everybody meets every ``seconds`` of data time, and once more at the end, when the maps are complete.
+
+    Where nobody observes anything for more than a hundred such periods, only at the first and the last of them.
+    """
 
     def __init__(self, *, seconds: float = 30.0, at_end: bool = True) -> None:
         if not (math.isfinite(seconds) and seconds > 0):
@@ -23,7 +28,10 @@ class Every:
         since = situation.previous_ns - situation.start_ns
         until = situation.now_ns - situation.start_ns
         first, last = since // self._period_ns + 1, until // self._period_ns
-        meetings = [Meeting(situation.start_ns + n * self._period_ns) for n in range(first, last + 1)]
+        numbers: Sequence[int] = range(first, last + 1)
+        if len(numbers) > MOST_AT_ONCE:
+            numbers = (first, last)
+        meetings = [Meeting(situation.start_ns + n * self._period_ns) for n in numbers]
         return meetings + _last(situation, meetings, self._at_end)
 
 

@@ -47,7 +47,18 @@ class Nasty:
 
 def all_cases() -> list[Nasty]:
     """Every case, by name; names are unique."""
-    cases = [*configs(), *tables(), *recordings(), *definitions(), *logs(), *maps(), *bags(), *strange()]
+    cases = [
+        *configs(),
+        *tables(),
+        *recordings(),
+        *times(),
+        *poses(),
+        *definitions(),
+        *logs(),
+        *maps(),
+        *bags(),
+        *strange(),
+    ]
     names = [case.name for case in cases]
     assert len(set(names)) == len(names), sorted(name for name in names if names.count(name) > 1)
     return cases
@@ -233,8 +244,14 @@ def recording(
     encoding: str = "cdr",
     angle: float = -1.0,
     quaternion=(0.0, 0.0, 0.0, 1.0),
+    log=lambda n: n * S + S,
+    tf_stamp=None,
+    extra: tuple[tuple[int, str, str], ...] = (),
 ) -> bytes:
-    """An MCAP file of one or many robots; every argument is a way to spoil it."""
+    """An MCAP file of one or many robots; every argument is a way to spoil it.
+
+    ``extra`` transforms (parent, child) are told beside the n-th scan.
+    """
     import numpy as np
 
     store, stream = store_of(2), io.BytesIO()
@@ -249,22 +266,26 @@ def recording(
     types = store.types
     for n in range(scans):
         time = types["builtin_interfaces/msg/Time"](*divmod(stamp(n), S))
+        tf_time = types["builtin_interfaces/msg/Time"](*divmod((tf_stamp or stamp)(n), S))
         for number, channel in enumerate(channels):
             own = frame if topics == 1 else f"r{number}/{frame}"
             header = types["std_msgs/msg/Header"](time, own)
             ranges = np.full(beams, 2.0 + 0.01 * n, np.float32)
             scan = types[LASER](header, angle, 1.0, 0.05, 0.0, 0.1, 0.1, 30.0, ranges, np.zeros(0, np.float32))
-            log_ns = n * S + S
+            log_ns = log(n)
             writer.add_message(channel, log_ns, bytes(store.serialize_cdr(scan, LASER)), log_ns)
             if poses:
-                parent, child = edge if topics == 1 else (f"r{number}/map", own)
+                told = edge if topics == 1 else (f"r{number}/map", own)
                 vector = types["geometry_msgs/msg/Vector3"](float(x_m(n)), 0.0, 0.0)
-                turn = types["geometry_msgs/msg/Quaternion"](*quaternion)
+                turn = types["geometry_msgs/msg/Quaternion"](*(quaternion(n) if callable(quaternion) else quaternion))
                 moved = types["geometry_msgs/msg/Transform"](vector, turn)
-                stamped = types["geometry_msgs/msg/TransformStamped"](
-                    types["std_msgs/msg/Header"](time, parent), child, moved
-                )
-                data = bytes(store.serialize_cdr(types[TF]([stamped]), TF))
+                stamped = [
+                    types["geometry_msgs/msg/TransformStamped"](
+                        types["std_msgs/msg/Header"](tf_time, parent), child, moved
+                    )
+                    for parent, child in (told, *((parent, child) for k, parent, child in extra if k == n))
+                ]
+                data = bytes(store.serialize_cdr(types[TF](stamped), TF))
                 writer.add_message(tf_channel, log_ns, data, log_ns)
     if attachment:
         writer.add_attachment(S, S, attachment, "text/plain", b"root::0:0\n")
@@ -370,6 +391,106 @@ def recordings() -> Iterator[Nasty]:
         yield Nasty(f"limits-{name}", files, (*run, "-c", "@/c.yaml"), hint="limits.")
     many = recording(topics=150, scans=2, beams=5)
     yield Nasty("mcap-150-robots", {"a.mcap": many}, info)
+
+
+def times() -> Iterator[Nasty]:
+    """Stamps and clocks gone wrong: thirty scans, one a second."""
+    day, year = 86_400 * S, 365 * 86_400 * S
+    stamps = {
+        "zero-once": lambda n: 0 if n == 12 else n * S + S,
+        "zero-every-other": lambda n: 0 if n % 2 else n * S + S,
+        "zero-at-first": lambda n: 0 if n < 3 else n * S + S,
+        "zero-at-last": lambda n: 0 if n > 26 else n * S + S,
+        "ahead-once": lambda n: (2**31 - 1) * S if n == 12 else n * S + S,
+        "ahead-at-first": lambda n: (2**31 - 1) * S if n == 0 else n * S + S,
+        "back-once": lambda n: 2 * S if n == 12 else n * S + S,
+        "negative-once": lambda n: -5 * S if n == 12 else n * S + S,
+        "negative": lambda n: (n - 100) * S,
+        "set-back": lambda n: n * S + S - (5 * S if n > 12 else 0),
+        "set-forward": lambda n: n * S + S + (day if n > 12 else 0),
+        "anew": lambda n: (n % 12) * S + S,
+        "said-twice": lambda n: n // 2 * 2 * S + S,
+        "stands-still": lambda n: min(max(n, 2), 2 if n < 20 else n - 18) * S,
+        "noise": lambda n: random.Random(n).randrange(2**31) * S,
+        "two-clocks-in-turn": lambda n: n * S + S + (day if n % 2 else 0),
+    }
+    scans = {"scans": 30, "x_m": lambda n: 0.1 * n}
+    for name, stamp in stamps.items():
+        data = recording(stamp=stamp, **scans, tf_stamp=lambda n: n * S + S)
+        yield Nasty(f"time-{name}", {"a.mcap": data}, ("info", "@/a.mcap"), hint="scan")
+        data = recording(stamp=stamp, **scans)
+        yield Nasty(f"time-{name}-and-poses", {"a.mcap": data}, ("info", "@/a.mcap"), hint="scan")
+    hole = {"log": lambda n: n * S + S + (50 * year if n > 12 else 0)}
+    hole["stamp"] = hole["log"]
+    run = ("run", "-q", "@/a.mcap", "@/b.mcap", "-o", "@/out")
+    two = {"a.mcap": recording(**scans, **hole), "b.mcap": recording(**scans)}
+    yield Nasty("time-hole-of-years", two, run, hint="scan")
+    logs = {
+        "log-zero": {"log": lambda n: 0},
+        "log-and-stamp-zero": {"log": lambda n: 0, "stamp": lambda n: 0},
+        "log-backwards": {"log": lambda n: (40 - n) * S},
+        "log-beyond-numbers": {"log": lambda n: 2**64 - 1 - n},
+        "log-ahead-once": {"log": lambda n: 2**63 if n == 12 else n * S + S},
+    }
+    for name, spoil in logs.items():
+        yield Nasty(f"time-{name}", {"a.mcap": recording(**scans, **spoil)}, ("info", "@/a.mcap"), hint="scan")
+    back = recording(**scans, stamp=stamps["set-back"])
+    configs = {
+        "header": "mission: {clock: header}\n",
+        "log": "mission: {clock: log}\n",
+        "robot": "robots: {a: {clock: log}}\n",
+        "unknown": "mission: {clock: sundial}\n",
+        "event-nobody-heard": "mission: {common_event: /bell}\n",
+        "event-scans": "mission: {common_event: /scan}\n",
+    }
+    for name, text in configs.items():
+        files = {"a.mcap": back, "c.yaml": text.encode()}
+        yield Nasty(f"time-clock-{name}", files, ("info", "@/a.mcap", "-c", "@/c.yaml"), hint="scan")
+
+
+def poses() -> Iterator[Nasty]:
+    """Poses and frames gone wrong: thirty scans, one a second."""
+    turns = [(0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 1.0, 0.0)]
+    made = {
+        "jump-once": {"x_m": lambda n: 900.0 if n == 12 else 0.1 * n},
+        "jump-and-stay": {"x_m": lambda n: 900.0 if n > 12 else 0.1 * n},
+        "jump-to-and-fro": {"x_m": lambda n: 900.0 if n % 2 else 0.1 * n},
+        "jump-everywhere": {"x_m": lambda n: random.Random(n).uniform(-2e4, 2e4)},
+        "turn-to-and-fro": {"quaternion": lambda n: turns[n % 2]},
+        "nan-once": {"x_m": lambda n: float("nan") if n == 12 else 0.1 * n},
+        "nan-every-other": {"x_m": lambda n: float("nan") if n % 2 else 0.1 * n},
+        "without-rotation-once": {"quaternion": lambda n: (0.0, 0.0, 0.0, 0.0) if n == 12 else turns[0]},
+        "rotation-infinite-once": {"quaternion": lambda n: (0.0, 0.0, 0.0, float("inf")) if n == 12 else turns[0]},
+        "rotation-long": {"quaternion": lambda n: (0.0, 0.0, 0.0, 1e200)},
+        "begin-late": {"tf_stamp": lambda n: (n + 25) * S},
+        "end-early": {"tf_stamp": lambda n: n * S - 25 * S},
+        "of-another-clock": {"tf_stamp": lambda n: n * S + 9_000 * S},
+        "stamps-zero": {"tf_stamp": lambda n: 0},
+        "stamp-zero-once": {"tf_stamp": lambda n: 0 if n == 12 else n * S + S},
+        "stamp-ahead-once": {"tf_stamp": lambda n: (2**31 - 1) * S if n == 12 else n * S + S},
+        "two-parents": {"extra": tuple((n, "odom", "laser") for n in range(5, 30))},
+        "two-parents-and-two-ways": {
+            "extra": tuple((n, *edge) for n in range(30) for edge in (("odom", "laser"), ("map", "odom")))
+        },
+        "two-parents-once": {"extra": ((12, "odom", "laser"),)},
+        "loop": {"extra": ((12, "laser", "map"),)},
+        "loop-aside": {"extra": ((12, "cup", "table"), (13, "table", "cup"))},
+        "loop-of-many": {"extra": tuple((n, f"f{n}", f"f{(n + 1) % 30}") for n in range(30))},
+        "many-frames": {"extra": tuple((n, "map", f"f{n}-{k}") for n in range(30) for k in range(100))},
+        "ladder": {"extra": tuple((n, f"l{n}-{a}", f"l{n + 1}-{b}") for n in range(30) for a in "ab" for b in "ab")},
+        "ladder-to-the-sensor": {
+            "extra": (
+                *((n, f"l{n}-{a}", f"l{n + 1}-{b}") for n in range(29) for a in "ab" for b in "ab"),
+                (29, "l29-a", "map"),
+            )
+        },
+    }
+    for name, spoil in made.items():
+        data = recording(scans=30, **{"x_m": lambda n: 0.1 * n, **spoil})
+        yield Nasty(f"poses-{name}", {"a.mcap": data}, ("info", "@/a.mcap"), hint="scan")
+    for name in ("jump-once", "two-parents-and-two-ways", "loop"):
+        data = recording(scans=30, **{"x_m": lambda n: 0.1 * n, **made[name]})
+        yield Nasty(f"poses-{name}-run", {"a.mcap": data}, ("run", "-q", "@/a.mcap", "-o", "@/out"), hint="scan")
 
 
 _RULE = "=" * 80

@@ -28,6 +28,11 @@ def test_every_meets_at_each_multiple_once_however_it_is_asked(times, start):
     assert asked == [start + n * 30 * S for n in range(1, times[-1] // (30 * S) + 1)]
 
 
+def test_a_hole_of_years_makes_two_meetings():
+    hole = 50 * 365 * 86400
+    assert stamps(Every(seconds=30, at_end=False), [40 * S, hole * S]) == [30 * S, 60 * S, hole // 30 * 30 * S]
+
+
 def test_every_meets_once_more_at_the_end():
     assert stamps(Every(seconds=30), [10 * S, 70 * S]) == [30 * S, 60 * S, 70 * S]
 

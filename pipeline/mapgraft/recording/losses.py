@@ -29,7 +29,7 @@ def losses(mission: Mission) -> tuple[Loss, ...]:
     of_robots = [
         Loss(topic.robot, topic.topic, cause, dropped.count, dropped.why)
         for topic in mission.tally
-        for cause, dropped in topic.dropped.items()
+        for cause, dropped in (*topic.dropped.items(), *topic.noticed.items())
     ]
     return (*of_files, *of_robots)
 

@@ -74,7 +74,7 @@ def odometry_plan(plan: RobotPlan) -> RobotPlan | None:
         plan,
         poses=poses,
         pose_file=plan.pose_file if poses.tree.other else None,
-        times=times_of(plan.glimpses, plan.payloads, poses),
+        times=times_of(plan.glimpses, plan.payloads, poses, plan.times.wanted),
         anchored=False,
     )
 

@@ -123,7 +123,7 @@ def test_a_scan_from_long_ago_is_dropped_and_counted(record, mission):
     file.scan(1.0, log_s=6.0)
     found = mission(file.write())
     assert len(list(found.observations())) == 40
-    assert causes(found) == {"late": 1}
+    assert causes(found) == {"stamp_backwards": 1}
 
 
 def test_robots_are_merged_by_time_and_ties_go_by_name(record, mission):

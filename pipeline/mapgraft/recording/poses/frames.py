@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 from mapgraft.recording.naming import is_base, is_map, is_odom, is_world
 from mapgraft.recording.poses.rigid import IDENTITY, Pose7, compose
+
+MOST_WAYS: Final = 64
+MOST_DEEP: Final = 256
+"""Ways up from one frame and frames on one way that are looked at: no robot has so many, a hostile recording may."""
 
 Drift = Literal["corrected", "slam", "odometry", "unknown", "none"]
 """How poses err: ``corrected`` offline, ``slam`` (or localization), raw ``odometry``, ``unknown``, or no poses."""
@@ -51,12 +55,10 @@ class Frames:
 
     def __init__(self, edges: Iterable[SeenEdge]) -> None:
         self._parents: dict[str, dict[str, SeenEdge]] = {}
-        self._children: dict[str, list[str]] = {}
+        self._children: dict[str, dict[str, None]] = {}  # in the order in which they were told
         for edge in edges:
             self._parents.setdefault(edge.child, {}).setdefault(edge.parent, edge)
-            children = self._children.setdefault(edge.parent, [])
-            if edge.child not in children:
-                children.append(edge.child)
+            self._children.setdefault(edge.parent, {}).setdefault(edge.child)
 
     def __contains__(self, frame: str) -> bool:
         return frame in self._parents or frame in self._children
@@ -78,8 +80,11 @@ class Frames:
     def linked(self, frame: str) -> tuple[str, ...]:
         """All frames below the root above ``frame``, nearest to the root first."""
         found = [self.lineage(frame)[-1]]
+        seen = set(found)
         for parent in found:
-            found.extend(child for child in self._children.get(parent, ()) if child not in found)
+            new = [child for child in self._children.get(parent, ()) if child not in seen]
+            seen.update(new)
+            found.extend(new)
         return tuple(found)
 
     def path(self, upper: str, lower: str) -> list[SeenEdge] | None:
@@ -102,16 +107,17 @@ class Frames:
         return out
 
     def _ways_up(self, frame: str) -> list[tuple[str, ...]]:
+        """The ways from a frame to a root; of frames that are told without end some, and no farther than MOST_DEEP."""
         done: list[tuple[str, ...]] = []
         open_ways: list[tuple[str, ...]] = [(frame,)]
         while open_ways:
             way = open_ways.pop()
             parents = [parent for parent in self.parents(way[-1]) if parent not in way]
-            if parents:
-                open_ways.extend((*way, parent) for parent in parents)
+            if parents and len(way) < MOST_DEEP:
+                open_ways.extend((*way, parent) for parent in parents[: MOST_WAYS - len(open_ways) - len(done)])
             else:
                 done.append(way)
-        return done
+        return done or [(frame,)]
 
 
 def roles_of(frames: Frames, sensor: str) -> Roles:

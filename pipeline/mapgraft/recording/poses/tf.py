@@ -12,6 +12,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
+from mapgraft.recording.poses.frames import MOST_DEEP, MOST_WAYS
 from mapgraft.recording.poses.rigid import IDENTITY, Pose7, compose, interpolate, inverse
 
 Cause = Literal[
@@ -22,6 +23,7 @@ Cause = Literal[
     "forgotten",  # the samples around the stamp were let go already
     "loop",  # a frame is its own ancestor
     "two_parents",  # a frame hangs on two parents, and both lead to the target
+    "pose_invalid",  # a pose is there, but its numbers are not finite
 ]
 
 _PRUNE_AT_LEAST = 256  # samples: deleting from the front of an array moves all the rest
@@ -190,6 +192,11 @@ class TransformBuffer:
             edge.fixed = pose
             self._chains.clear()
 
+    def fixed(self, parent: str, child: str) -> Pose7 | None:
+        """``T_parent_child`` where it was said to hold for all time, else None."""
+        edge = self._parents.get(child, {}).get(parent)
+        return None if edge is None else edge.fixed
+
     def chain(self, target: str, source: str) -> Chain | Missing:
         """The way from ``source`` to ``target`` through the tree as it is now, or why there is none."""
         known = self._chains.get((target, source))
@@ -221,6 +228,40 @@ class TransformBuffer:
         """The frames on which ``frame`` hangs: none for a root, several where the recording contradicts itself."""
         return tuple(self._parents.get(frame, ()))
 
+    def contradictions(self) -> list[tuple[Cause, str]]:
+        """Frames that hang on several parents, and loops: each once, with the time from which the recording says so."""
+        found: list[tuple[Cause, str]] = []
+        for child, parents in self._parents.items():
+            first, *others = parents.values()
+            for edge in others:
+                text = f"{child!r} hangs on {first.parent!r} and{_since(edge)} on {edge.parent!r}, too"
+                found.append(("two_parents", f"{text}: what has two places by that is left out"))
+        looping: set[str] = set()
+        for frame in self._parents:
+            if frame not in looping and (loop := self._loop(frame)):
+                looping.update(edge.child for edge in loop)
+                shown = [edge.parent for edge in reversed(loop)][:_NAMES_SHOWN]
+                names = " → ".join(map(repr, shown)) + (" → …" if len(loop) > len(shown) else "")
+                text = f"the frames {names} → {loop[0].child!r} go round in a loop{_since(loop[-1])}"
+                found.append(("loop", f"{text}: what hangs on it is left out"))
+        return found
+
+    def _loop(self, frame: str) -> list[Edge]:
+        """The edges from a frame up to itself, empty where there is no such way."""
+        below: dict[str, Edge] = {}
+        reached = [frame]
+        while reached:
+            for edge in self._parents.get(reached.pop(), {}).values():
+                if edge.parent == frame:
+                    way = [edge]
+                    while way[-1].child != frame:
+                        way.append(below[way[-1].child])
+                    return way[::-1]
+                if edge.parent not in below:
+                    below[edge.parent] = edge
+                    reached.append(edge.parent)
+        return []
+
     def _new_edge(self, parent: str, child: str) -> Edge:
         edge = self._parents.setdefault(child, {})[parent] = Edge(parent, child)
         self._chains.clear()
@@ -247,7 +288,7 @@ class TransformBuffer:
         return Chain(target, source, *ways[0])
 
     def _ways_up(self, frame: str) -> list[list[Edge]] | Missing:
-        """All ways from the frame to a root, nearest edge first."""
+        """All ways from the frame to a root, nearest edge first; or why they cannot be told."""
         done: list[list[Edge]] = []
         open_ways: list[list[Edge]] = [[]]
         while open_ways:
@@ -261,6 +302,11 @@ class TransformBuffer:
                     names = " → ".join(e.parent for e in reversed([*way, edge]))
                     return Missing("loop", f"the frames {names} → {way[0].child if way else frame} go round in a loop")
                 open_ways.append([*way, edge])
+            if len(way) >= MOST_DEEP:
+                return Missing("no_link", f"{frame!r} lies more than {MOST_DEEP} frames deep")
+            if len(open_ways) + len(done) > MOST_WAYS:
+                text = f"more than {MOST_WAYS} ways lead up from {frame!r}, because frames above hang on several others"
+                return Missing("two_parents", text)
         return done
 
     def _no_link(self, target: str, source: str) -> str:
@@ -298,6 +344,10 @@ def _meet(target: str, source: str, down: list[Edge], up: list[Edge]) -> tuple[l
         if k < len(up):
             frame = up[k].parent
     return None
+
+
+def _since(edge: Edge) -> str:
+    return "" if edge.first_ns is None else f" from {edge.first_ns / 1e9:.3f} s on"
 
 
 def _seconds(duration_ns: int) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from mapgraft.config import RobotConfig, WindowConfig
+from mapgraft.config import ClockName, RobotConfig, WindowConfig
 from mapgraft.contracts import GRID_MESSAGE, ConfigError
 from mapgraft.recording.robots.choice import PosePlan, choose_poses
 from mapgraft.recording.robots.clocks import INDEX_STEP_NS, Clock, Range, Times, times_of
@@ -49,6 +49,7 @@ class RobotPlan:
     window: Window | None
     anchored: bool
     max_gap_ns: int
+    max_speed_m_s: float
     clock_offset_ns: int
     source: str
     remarks: tuple[str, ...] = field(default=())
@@ -80,15 +81,23 @@ class Unmappable(NamedTuple):
 
 
 def plan_robot(
-    name: str, found: Sequence[FoundRobot], config: RobotConfig, pose_file: Glimpse | None, payloads: Payloads
+    name: str,
+    found: Sequence[FoundRobot],
+    config: RobotConfig,
+    pose_file: Glimpse | None,
+    payloads: Payloads,
+    clock: ClockName = "auto",
 ) -> RobotPlan | Unmappable:
-    """The plan for one robot, found in one file or in several; raises ConfigError for topics that do not exist."""
+    """The plan for one robot, found in one file or in several; raises ConfigError for topics that do not exist.
+
+    ``clock`` is the mission's, for robots that have none of their own.
+    """
     choice = _choose(name, found, config, pose_file)
     if isinstance(choice, Unmappable):
         return choice
     used, poses, remarks = choice
     glimpses = tuple(robot.glimpse for robot in found)
-    times = times_of(glimpses, used, poses)
+    times = times_of(glimpses, used, poses, config.clock or clock)
     ready = used[0].kind == GRID_MESSAGE
     if times.clock == "index" and poses.method == "tree" and not ready:
         return Unmappable(name, "neither stamps nor times of recording tell when its scans were taken")
@@ -96,7 +105,7 @@ def plan_robot(
     range_ = _range(glimpses, used, times, window, payloads)
     if range_ is None:
         return Unmappable(name, f"nothing on {_topics(used)} lies in its window")
-    offset_ns = round(config.clock_offset_s * S)
+    offset_ns = round((config.clock_offset_s or 0.0) * S)
     return RobotPlan(
         name,
         glimpses,
@@ -108,6 +117,7 @@ def plan_robot(
         window,
         anchored=window is not None and not ready,
         max_gap_ns=round(config.poses.max_gap_s * S),
+        max_speed_m_s=config.poses.max_speed_m_s,
         clock_offset_ns=offset_ns,
         source=config.source or found[0].name,
         remarks=(*remarks, *poses.remarks, *times.remarks()),
@@ -182,16 +192,15 @@ def _range(
         last = last if window.until_ns is None else min(last, window.until_ns - INDEX_STEP_NS)
         return Range(window.from_ns, last) if last >= window.from_ns else None
     if window is None:
-        found = [(p.topic, t) for p in seen for t in p.times]
+        found = [(p.topic, p.times) for p in seen]
     else:
         found = [
-            (p.topic, t)
+            (p.topic, times_between(g.source, payloads, p.topic, window.from_ns, window.until_ns))
             for g in glimpses
             for p in seen
             if g.payload(p.topic)
-            for t in times_between(g.source, payloads, p.topic, window.from_ns, window.until_ns)
         ]
-    stamps = [times.stamp(topic, t) for topic, t in found]
+    stamps = [stamp_ns for topic, some in found for stamp_ns in times.stamps(topic, some)]
     return Range(min(stamps), max(stamps)) if stamps else None
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from mapgraft.config import Config, RobotConfig
 from mapgraft.contracts import ConfigError, RecordingError
 from mapgraft.recording.naming import stem, told_apart
+from mapgraft.recording.robots.agreement import brought_together
 from mapgraft.recording.robots.discovery import FoundRobot, discover
 from mapgraft.recording.robots.glimpse import Glimpse
 from mapgraft.recording.robots.library import Library
@@ -56,7 +57,7 @@ def call_roll(paths: Sequence[Path], config: Config, library: Library) -> Roster
     for name, robot in config.robots.items():
         call.configured(name, robot)
     call.rest()
-    plans = tuple(sorted(call.plans, key=lambda plan: plan.name))
+    plans = brought_together(sorted(call.plans, key=lambda plan: plan.name), config)
     maps = tuple(sorted(call.map_files, key=lambda file: file.name))
     return Roster(plans, maps, tuple(call.unmappable), tuple(glimpses))
 
@@ -125,7 +126,7 @@ class _Call:
         found = self._sources(name, robot)
         self._take([one.name for one in found], name)
         pose_file = None if robot.poses.file is None else self._library.look(robot.poses.file)
-        plan = plan_robot(name, found, robot, pose_file, self._library.payloads)
+        plan = plan_robot(name, found, robot, pose_file, self._library.payloads, self._config.mission.clock)
         if isinstance(plan, Unmappable):
             raise RecordingError(f"robot {name} cannot be mapped: {plan.reason}")
         self.plans.append(plan)
@@ -135,7 +136,9 @@ class _Call:
         names = {plan.name for plan in self.plans} | {file.name for file in self.map_files}
         for name, found in self._found.items():
             if name not in self._taken:
-                plan = plan_robot(_free(name, names), [found], RobotConfig(), None, self._library.payloads)
+                plan = plan_robot(
+                    _free(name, names), [found], RobotConfig(), None, self._library.payloads, self._config.mission.clock
+                )
                 if isinstance(plan, Unmappable):
                     self.unmappable.append(plan)
                 else:

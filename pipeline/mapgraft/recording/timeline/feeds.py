@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from mapgraft.contracts.sources import RawMessage, ReadFaults, Source
 from mapgraft.errors import RecordingError
 from mapgraft.recording.poses.lookup import TreePoses
-from mapgraft.recording.poses.rigid import believable
+from mapgraft.recording.poses.rigid import Pose7, angle_of, believable, compose, inverse
 from mapgraft.recording.poses.tf import TransformBuffer
 from mapgraft.recording.robots.clocks import EdgeName
 from mapgraft.recording.robots.payloads import Read, poses_in
+from mapgraft.recording.robots.stamps import BEYOND_NS, StampWatch
 from mapgraft.recording.robots.trees import TfTopic
 
 KEPT_NS = 60_000_000_000
 """How much of the past a tree keeps; scans wait for their poses a few seconds at most."""
 
 _FORGET_EVERY = 4096  # samples
+_ROUNDING = 1e-4  # metres or radians
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +28,8 @@ class Reading:
     """How to read one file's poses into a robot's tree.
 
     ``replaced`` children are told by someone else. Edges in ``by_log``, or all with ``all_by_log``, are placed at their
-    time of recording plus ``offset_ns``. The messages on ``topic`` (empty: none) tell the edge ``pose_edge``.
+    time of recording plus ``offset_ns``; the stamps of the others are looked at before they are believed if ``judged``.
+    The messages on ``topic`` (empty: none) tell the edge ``pose_edge``.
     """
 
     tf: tuple[TfTopic, ...]
@@ -36,6 +40,7 @@ class Reading:
     topic: str = ""
     pose_edge: EdgeName = ("", "")
     topic_by_log: bool = False
+    judged: bool = True
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -45,6 +50,16 @@ class Reading:
     @property
     def fixed_topics(self) -> tuple[str, ...]:
         return tuple(sorted(tf.topic for tf in self.tf if tf.fixed))
+
+
+class _EdgeStamps:
+    """What the stamps of one edge have been so far."""
+
+    __slots__ = ("last_ns", "watch")
+
+    def __init__(self) -> None:
+        self.watch = StampWatch()
+        self.last_ns: int | None = None
 
 
 class Feed:
@@ -58,6 +73,7 @@ class Feed:
         self._faults = faults
         self._tf = {tf.topic: tf for tf in reading.tf}
         self._names: dict[tuple[str, str, str], EdgeName | None] = {}
+        self._stamps: dict[EdgeName, _EdgeStamps] = {}
         self._taken = 0
 
     @property
@@ -95,16 +111,52 @@ class Feed:
                     continue
                 parent, child = name
                 if tf.fixed:
-                    self._buffer.fix(parent, child, pose)
+                    self._fix(topic, parent, child, pose)
                     continue
                 by_log = name in reading.by_log
-            stamp_ns = raw.log_ns + reading.offset_ns if by_log or reading.all_by_log else record.stamp_ns
+            if by_log or reading.all_by_log:
+                stamp_ns = raw.log_ns + reading.offset_ns
+            elif reading.judged:
+                judged_ns = self._judged(topic, (parent, child), raw.log_ns, record.stamp_ns)
+                if judged_ns is None:
+                    continue
+                stamp_ns = judged_ns
+            else:
+                stamp_ns = record.stamp_ns
+            if abs(stamp_ns) > BEYOND_NS:
+                sentence = f"the time of {parent} → {child} is {stamp_ns / 1e9:.6g} s, which no clock shows"
+                self._faults.add("beyond_time", sentence, topic=topic)
+                continue
             self._buffer.add(parent, child, stamp_ns, pose)
             if stamp_ns > self.newest_ns:
                 self.newest_ns = stamp_ns
         self._taken += 1
         if self._taken % _FORGET_EVERY == 0:
             self._buffer.forget_older(KEPT_NS)
+
+    def _fix(self, topic: str, parent: str, child: str, pose: Pose7) -> None:
+        """Set a transform that holds for all time; one that was said to be another is a fault."""
+        said = self._buffer.fixed(parent, child)
+        if said is not None and (moved := _apart(said, pose)):
+            sentence = f"{parent} → {child} holds for all time, but is said to lie {moved} elsewhere later: that counts"
+            self._faults.add("static_changed", sentence, topic=topic)
+        self._buffer.fix(parent, child, pose)
+
+    def _judged(self, topic: str, name: EdgeName, log_ns: int, stamp_ns: int) -> int | None:
+        """The time of a sample of an edge; None for one that is left out, because its stamp cannot be true."""
+        stamps = self._stamps.get(name)
+        if stamps is None:
+            stamps = self._stamps[name] = _EdgeStamps()
+        if stamp_ns == stamps.last_ns:  # said again, and the buffer keeps the first
+            return stamp_ns
+        stamps.last_ns = stamp_ns
+        odd = stamps.watch.judge(log_ns, stamp_ns)
+        if odd is None or odd.time_ns == stamp_ns:
+            return stamp_ns
+        what = "the time of its recording counts" if odd.used else "it is left out"
+        because = f"{odd.because}; {what}".replace("its stamp", f"the stamp of {name[0]} → {name[1]}", 1)
+        self._faults.add(odd.cause, f"at {odd.time_ns / 1e9:.3f} s {because}", topic=topic)
+        return odd.time_ns if odd.used else None
 
     def _edge(self, topic: str, frame: str, child: str, tf: TfTopic) -> EdgeName | None:
         """The edge's name in the tree, None when it is not wanted there."""
@@ -119,6 +171,13 @@ class Feed:
             else:
                 self._names[key] = None if name[1] in self._reading.replaced else name
         return self._names[key]
+
+
+def _apart(one: Pose7, other: Pose7) -> str:
+    """How far two poses lie apart, in words; empty where that is only rounding."""
+    moved = compose(inverse(one), other)
+    far_m, turned_rad = math.hypot(moved[0], moved[1], moved[2]), angle_of(moved)
+    return f"{far_m:.3g} m, {turned_rad:.3g} rad" if far_m > _ROUNDING or turned_rad > _ROUNDING else ""
 
 
 class PoseFile:

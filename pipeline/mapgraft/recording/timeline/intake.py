@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 
 from mapgraft.contracts import GRID_MESSAGE, Observation, RecordingError, Scan
 from mapgraft.contracts.sources import Source
-from mapgraft.recording.poses.frames import Stamped
 from mapgraft.recording.poses.lookup import Placed, TreePoses, beams_in_motion
 from mapgraft.recording.poses.rigid import IDENTITY, Pose7, compose, from_transform, to_transform
 from mapgraft.recording.poses.tf import Missing
@@ -20,7 +18,9 @@ from mapgraft.recording.robots.clocks import INDEX_STEP_NS
 from mapgraft.recording.robots.payloads import Opened, Payloads, Read
 from mapgraft.recording.robots.plan import RobotPlan
 from mapgraft.recording.timeline.feeds import PoseFile
-from mapgraft.recording.timeline.tally import Tally, TopicTally
+from mapgraft.recording.timeline.jumps import JumpWatch
+from mapgraft.recording.timeline.tally import Tally
+from mapgraft.recording.timeline.topic import Topic
 
 LONGEST_SWEEP_NS = 1_000_000_000
 """No planar lidar turns slower than once a second: a longer sweep comes from a wrong ``time_increment``."""
@@ -58,22 +58,6 @@ class Waiting(NamedTuple):
     intake: Intake
 
 
-@dataclass(slots=True)
-class _Topic:
-    """What an intake knows about one payload topic."""
-
-    name: str
-    kind: str
-    seen_frame: str
-    tree_frame: str
-    tally: TopicTally
-    met: int = 0  # messages so far, for the clock that counts them
-    wanted: int = 0  # of which within all limits, for thinning
-
-    def frame(self, opened: Opened) -> str:
-        return self.tree_frame if opened.frame == self.seen_frame else opened.frame
-
-
 class Intake:
     """Takes in one robot's payloads and gives its observations.
 
@@ -103,16 +87,18 @@ class Intake:
         self._T_anchor_map = T_anchor_map
         self._limits = limits
         self._topics = [
-            _Topic(
+            Topic(
                 seen.topic,
                 seen.kind,
                 seen.frame,
                 plan.poses.sensors.get(seen.topic, seen.frame),
                 tally.of(plan.name, seen.topic, seen.kind),
+                plan.times,
             )
             for seen in plan.payloads
         ]
         self._first_xy: tuple[float, float] | None = None
+        self._jumps = JumpWatch(plan.max_speed_m_s)
         self._order_of = {topic.name: k for k, topic in enumerate(self._topics)}
 
     def take(self, source: Source, read: Read) -> Waiting | None:
@@ -129,10 +115,9 @@ class Intake:
         opened = self._opened(topic, source, read)
         if opened is None:
             return None
-        if times.clock == "index":
-            robot_ns = number * INDEX_STEP_NS
-        else:
-            robot_ns = times.stamp(topic.name, Stamped(read.log_ns, opened.stamp_ns))
+        robot_ns = topic.time(number, read, opened)
+        if robot_ns is None:
+            return None
         stamp_ns = robot_ns + self._shift_ns
         early = limits.start_ns is not None and stamp_ns < limits.start_ns
         if early or (limits.end_ns is not None and stamp_ns >= limits.end_ns):
@@ -160,7 +145,7 @@ class Intake:
                     found.append(Waiting(start_ns, self._order, k, -1, raw.log_ns, robot_ns, opened, self))
         return found
 
-    def _opened(self, topic: _Topic, source: Source, read: Read) -> Opened | None:
+    def _opened(self, topic: Topic, source: Source, read: Read) -> Opened | None:
         try:
             return self._payloads.open(source, read)
         except RecordingError as error:
@@ -207,6 +192,8 @@ class Intake:
         if (far := self._too_far(T_map_sensor)) is not None:
             topic.tally.drop("far_away", waiting.robot_ns, far)
             return None
+        if topic.kind != GRID_MESSAGE and not self._stays(topic, waiting, T_map_base):
+            return None
         topic.tally.used += 1
         if self._T_anchor_map is not None:
             T_map_base = compose(self._T_anchor_map, T_map_base)
@@ -221,6 +208,13 @@ class Intake:
             to_transform(T_map_sensor),
             to_transform(T_map_base),
         )
+
+    def _stays(self, topic: Topic, waiting: Waiting, T_map_base: Pose7) -> bool:
+        """Whether an observation is to be used for all that its pose jumps or not, which is tallied."""
+        why, used = self._jumps.judge(waiting.robot_ns, T_map_base)
+        if why:
+            (topic.tally.notice if used else topic.tally.drop)("pose_jump", waiting.robot_ns, why)
+        return used
 
     def _too_far(self, T_map_sensor: Pose7) -> str | None:
         """Why an observation lies too far from the robot's first, or None."""
@@ -238,24 +232,24 @@ class Intake:
             "if the robot went so far"
         )
 
-    def _place(self, topic: _Topic, waiting: Waiting) -> Placed | Missing:
+    def _place(self, topic: Topic, waiting: Waiting) -> Placed | Missing:
         opened = waiting.opened
         if self._poses is None:
-            return opened.placed or Missing("no_link", "the scan has no pose of its own")
+            return opened.placed or Missing("pose_invalid", "the scan's own pose is not finite")
         placed = self._poses.at(topic.frame(opened), waiting.robot_ns)
         if opened.T_frame_sensor is not None and not isinstance(placed, Missing):
             T_frame_sensor = from_transform(opened.T_frame_sensor)
             return Placed(placed.T_map_base, compose(placed.T_map_sensor, T_frame_sensor))
         return placed
 
-    def _place_map(self, topic: _Topic, waiting: Waiting) -> Placed:
+    def _place_map(self, topic: Topic, waiting: Waiting) -> Placed:
         """A ready map lies in its own frame; where the body was is known only where the recording tells."""
         if self._poses is None:
             return _IN_PLACE
         placed = self._poses.at(self._poses.base_frame, waiting.robot_ns)
         return _IN_PLACE if isinstance(placed, Missing) else Placed(placed.T_map_base, IDENTITY)
 
-    def _payload(self, topic: _Topic, waiting: Waiting, placed: Placed) -> object:
+    def _payload(self, topic: Topic, waiting: Waiting, placed: Placed) -> object:
         """The payload; of a scan in motion with its beams placed, or why they cannot be."""
         opened = waiting.opened
         beams = self._beams(topic, waiting, placed) if opened.sweep_ns and self._poses is not None else None
@@ -268,7 +262,7 @@ class Intake:
             return payload
         return Scan(payload.directions, payload.ranges_m, payload.hits, beams)
 
-    def _beams(self, topic: _Topic, waiting: Waiting, placed: Placed) -> NDArray[np.float64] | Missing | None:
+    def _beams(self, topic: Topic, waiting: Waiting, placed: Placed) -> NDArray[np.float64] | Missing | None:
         """Where the sensor was at each beam; None where it stood still or the beams' times cannot be true."""
         sweep_ns = _sweep(waiting.opened)
         if not sweep_ns:

@@ -100,6 +100,8 @@ class Stream:
             elif len(waiting) > MAX_WAITING:
                 yield from self._release(None, MAX_WAITING)
         yield from self._release(None)
+        for cause, sentence in dict.fromkeys(c for tree in self._trees.values() for c in tree.buffer.contradictions()):
+            self._faults.add(cause, sentence)
 
     def _standing(self) -> list[Waiting]:
         """The ready maps that hold from the start, in order; the latest where several files have one."""
@@ -203,6 +205,7 @@ def _own_reading(plan: RobotPlan) -> Reading:
         seen.topic if seen else "",
         (seen.frame or poses.map_frame, poses.base_frame) if seen else ("", ""),
         seen is not None and seen.topic in times.by_log,
+        times.wanted != "header",
     )
 
 
@@ -217,6 +220,7 @@ def _file_reading(plan: RobotPlan) -> Reading:
         0,
         seen.topic if seen else "",
         (seen.frame or poses.map_frame, poses.base_frame) if seen else ("", ""),
+        judged=times.wanted != "header",
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 @dataclass(slots=True)
 class Dropped:
-    """Messages dropped for one cause: how many, the recorded stamp of the first, and a clause that says why."""
+    """Messages dropped or noticed for one cause: how many, the time of the first, and a clause that says why."""
 
     count: int
     first_ns: int
@@ -20,7 +20,8 @@ class TopicTally:
     """One topic of one robot. ``read`` is the sum of ``used``, ``outside``, ``thinned`` and all dropped.
 
     ``outside`` lay before the start or after the end that was asked for, or outside the robot's window; ``thinned``
-    fell to ``every``. ``sweeps_ignored`` counts used scans whose ``time_increment`` cannot be true.
+    fell to ``every``. ``sweeps_ignored`` counts used scans whose ``time_increment`` cannot be true. ``noticed`` are
+    messages with something odd that was put right, whether they were used in the end or not.
     """
 
     robot: str
@@ -32,14 +33,15 @@ class TopicTally:
     thinned: int = 0
     sweeps_ignored: int = 0
     dropped: dict[str, Dropped] = field(default_factory=dict)
+    noticed: dict[str, Dropped] = field(default_factory=dict)
 
     def drop(self, cause: str, stamp_ns: int, why: str) -> None:
         """Count a dropped message; ``why`` is kept of the first one of its cause."""
-        known = self.dropped.get(cause)
-        if known is None:
-            self.dropped[cause] = Dropped(1, stamp_ns, why)
-        else:
-            known.count += 1
+        _count(self.dropped, cause, stamp_ns, why)
+
+    def notice(self, cause: str, stamp_ns: int, why: str) -> None:
+        """Count a message with something odd that was put right; ``why`` is kept of the first one of its cause."""
+        _count(self.noticed, cause, stamp_ns, why)
 
     @property
     def wanted(self) -> int:
@@ -59,11 +61,24 @@ class TopicTally:
                 f"{self.robot}: {dropped.count} of {self.wanted} {noun} on {self.topic} were left out ({cause}); the "
                 f"first, at {dropped.first_ns / 1e9:.3f} s: {dropped.why}"
             )
+        for cause, odd in self.noticed.items():
+            yield (
+                f"{self.robot}: {odd.count} of {self.read} {noun} on {self.topic} are odd ({cause}); the first, at "
+                f"{odd.first_ns / 1e9:.3f} s: {odd.why}"
+            )
         if self.sweeps_ignored:
             yield (
                 f"{self.robot}: the time_increment of {self.sweeps_ignored} {noun} on {self.topic} cannot be true "
                 "(a sweep of more than a second), so their beams are placed as if fired at once"
             )
+
+
+def _count(causes: dict[str, Dropped], cause: str, stamp_ns: int, why: str) -> None:
+    known = causes.get(cause)
+    if known is None:
+        causes[cause] = Dropped(1, stamp_ns, why)
+    else:
+        known.count += 1
 
 
 @dataclass(slots=True)
