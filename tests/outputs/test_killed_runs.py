@@ -209,6 +209,7 @@ def test_a_journal_of_somebody_else_is_refused(tmp_path: Path) -> None:
 
 
 def test_somebody_in_a_hurry_gets_the_whole_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "of the earlier run").touch()
     staging, renamed = Staging(tmp_path), []
     for name in ("a", "b", "c"):
         staging.write(name, name.encode())
@@ -222,7 +223,7 @@ def test_somebody_in_a_hurry_gets_the_whole_folder(tmp_path: Path, monkeypatch: 
 
     monkeypatch.setattr(os, "replace", interrupted)
     with locked(tmp_path), pytest.raises(KeyboardInterrupt):
-        staging.publish(gone=["c"])
+        staging.publish(gone=["of the earlier run"])
     assert contents(tmp_path) == {name: name.encode() for name in ("a", "b", "c")}
 
 

@@ -138,11 +138,11 @@ def _write_journal(out: Path, plan: _Plan) -> None:
 
 def _carry_out(out: Path, plan: _Plan, journalled: bool) -> None:
     """Do what is left to do; doing it twice does no harm."""
-    for name in plan.gone:
-        (out / name).unlink(missing_ok=True)
     for partial, final in plan.renamed.items():
         with suppress(FileNotFoundError):  # it has been renamed before
             os.replace(out / partial, out / final)  # noqa: PTH105 (says what it does: atomic)
+    for name in plan.gone:
+        (out / name).unlink(missing_ok=True)
     for folder in _folders(out, (*plan.renamed.values(), *plan.gone)):
         sync_folder(folder)
     if journalled:
