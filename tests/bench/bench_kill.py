@@ -1,13 +1,13 @@
 """Runs that are killed at many instants: is a decision lost, and does the run end the same when started again?
 
 Run on demand: ``python tests/bench/bench_kill.py [--instants 200] [--seconds 900] [--jobs 1] [--keep FOLDER]``. The
-demo's robots drive their routes again and again for that long (of data time); an undisturbed run tells what the others
-have to end with. Of the instants
+demo's robots drive their routes again and again for that long (of data time); two undisturbed runs, which have to be
+the same, tell what the others have to end with. Of the instants
 
 * one half lies **inside a write** between the first event and the last one: the process itself counts what it does to
   the files of its folder, puts the first half of the bytes of the chosen write there, and kills itself (SIGKILL),
-* a quarter at any time between the two, by a SIGKILL from outside,
-* an eighth in any step (write, sync, rename, removal) before the first event, an eighth in any step after the last one.
+* three tenths at any time between the two, by a SIGKILL from outside,
+* a tenth in any step (write, sync, rename, removal) before the first event, a tenth in any step after the last one.
 
 A decision is reported when a sink of the caller hears of it. It is lost when no recording in the folder tells of it
 with everything the undisturbed run says of it. The run that is started again must end with the same files, byte for
@@ -30,7 +30,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, tzinfo
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "toys"))
 
@@ -64,7 +64,7 @@ class StandingClock(datetime):
 
 
 class Reporter:
-    """Tells every event to a file as soon as it is heard of: its number, its kind, and the step the writer is at."""
+    """Tells every event to a file as soon as it is heard of: number, kind, step at which the writer is, time."""
 
     def __init__(self, path: Path, steps: Any) -> None:
         self._file, self._steps = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND), steps
@@ -76,7 +76,7 @@ class Reporter:
         pass
 
     def happened(self, event: Event) -> None:
-        os.write(self._file, f"{event.seq} {event.kind} {len(self._steps.kinds)}\n".encode())
+        os.write(self._file, f"{event.seq} {event.kind} {len(self._steps.kinds)} {time.monotonic()}\n".encode())
 
 
 def child(recordings: Path, out: Path, fatal: int | None) -> None:
@@ -88,6 +88,15 @@ def child(recordings: Path, out: Path, fatal: int | None) -> None:
 
 
 # the one that looks on
+
+
+class Told(NamedTuple):
+    """What was reported of an event; ``step`` is the one that came next, ``at_s`` on the clock of the process."""
+
+    seq: int
+    kind: str
+    step: int
+    at_s: float
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -127,7 +136,7 @@ class Bench:
             process.send_signal(signal.SIGKILL)
         killed = process.wait(PATIENCE_S) == -signal.SIGKILL
         reported = read_told(out)
-        lost = sum(self.is_lost(seq, out) for seq, kind, _ in reported if kind not in ROUTINE)
+        lost = sum(self.is_lost(told.seq, out) for told in reported if told.kind not in ROUTINE)
         began_s = time.perf_counter()
         done = begin(self.recordings, out, None).wait(PATIENCE_S) == 0
         again_s = time.perf_counter() - began_s
@@ -160,12 +169,12 @@ def told_of(out: Path) -> Path:
     return out.with_name(out.name + ".told")
 
 
-def read_told(out: Path) -> list[tuple[int, str, int]]:
-    """Number, kind, and step of every event that was reported."""
+def read_told(out: Path) -> list[Told]:
+    """Every event that was reported."""
     if not told_of(out).exists():
         return []
     rows = [line.split() for line in told_of(out).read_text().splitlines()]
-    return [(int(seq), kind, int(step)) for seq, kind, step in rows]
+    return [Told(int(seq), kind, int(step), float(at_s)) for seq, kind, step, at_s in rows]
 
 
 def contents(out: Path) -> dict[str, bytes]:
@@ -187,19 +196,19 @@ def record(folder: Path, seconds: float) -> None:
         )
 
 
-def choose(count: int, kinds: list[str], told: list[tuple[int, str, int]], run_s: float, seed: int) -> list[Instant]:
+def choose(count: int, kinds: list[str], told: list[Told], seed: int) -> list[Instant]:
     """The instants, by chance; writes and times lie between the first and the last event."""
-    chance, first, last = random.Random(seed), told[0][2], told[-1][2]
-    writes = [step for step in range(first, last) if kinds[step] == WRITE]
-    before, after = range(first), range(last, len(kinds))
-    gap_s = run_s / len(told)
+    chance, first, last = random.Random(seed), told[0], told[-1]
+    writes = [step for step in range(first.step, last.step) if kinds[step] == WRITE]
     instants = [Instant("inside a write", step=chance.choice(writes)) for _ in range(count // 2)]
-    for _ in range(count // 4):
-        events = chance.randrange(1, len(told))
-        instants.append(Instant("between the events", events=events, after_s=chance.uniform(0.0, gap_s)))
+    for _ in range(count * 3 // 10):
+        at_s = chance.uniform(first.at_s, last.at_s)
+        before = [one.at_s for one in told if one.at_s <= at_s]
+        instants.append(Instant("between the events", events=len(before), after_s=at_s - before[-1]))
+    outside = {"before the first event": range(first.step), "after the last event": range(last.step, len(kinds))}
     while len(instants) < count:
-        name, steps = (("before the first event", before), ("after the last event", after))[len(instants) % 2]
-        instants.append(Instant(name, step=chance.choice(steps)))
+        name = sorted(outside)[len(instants) % 2]
+        instants.append(Instant(name, step=chance.choice(outside[name])))
     return instants
 
 
@@ -227,6 +236,7 @@ def main() -> None:
 def look_on(folder: Path, given: argparse.Namespace) -> None:
     recordings, reference = folder / "recordings", folder / "undisturbed"
     record(recordings, given.seconds)
+    assert begin(recordings, folder / "first", None).wait(PATIENCE_S) == 0  # compiles the kernels where they are not
     began_s = time.perf_counter()
     assert begin(recordings, reference, None).wait(PATIENCE_S) == 0
     run_s, told = time.perf_counter() - began_s, read_told(reference)
@@ -234,7 +244,8 @@ def look_on(folder: Path, given: argparse.Namespace) -> None:
     (events,) = readable(reference)
     print(f"undisturbed: {run_s:.0f} s, {len(events)} events, {len(kinds)} steps, {kinds.count(WRITE)} of them writes")
     bench = Bench(recordings, folder, reference, events, contents(reference))
-    instants = choose(given.instants, kinds, told, run_s, given.seed)
+    assert contents(folder / "first") == bench.files
+    instants = choose(given.instants, kinds, told, given.seed)
     with ThreadPoolExecutor(given.jobs) as pool:
         outcomes = []
         for outcome in pool.map(bench.try_at, range(len(instants)), instants):

@@ -5,6 +5,10 @@ from __future__ import annotations
 import io
 import json
 import shutil
+import signal
+import subprocess
+import sys
+import textwrap
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,6 +24,8 @@ from mapgraft.config import load_config
 from mapgraft.contracts import Transform
 from mapgraft.errors import UsageError
 from mapgraft.outputs.labels import label
+from mapgraft.outputs.read_back import read_events
+from mapgraft.outputs.run_folder import ROUTINE
 from mapgraft.remember import recall
 from mapgraft_recordings import demo_files
 
@@ -183,3 +189,38 @@ def test_a_persons_word_is_kept_when_the_run_is_computed_again(
     assert np.array_equal(np.reshape(second["T_receiver_donor"], (4, 4)), T.matrix)
     with pytest.raises(ValueError, match="a label is one of right, wrong, unsure, found 'maybe'"):
         label(out, result.run_id, **about | {"verdict": "maybe"})
+
+
+KILLED = """
+    import os, sys
+    import mapgraft
+
+    class Deadly:
+        def observed(self, observation): pass
+        def mapped(self, snapshot): pass
+        def happened(self, event):
+            print(event.seq, event.kind, flush=True)
+            if event.seq == int(sys.argv[1]):
+                os.kill(os.getpid(), 9)
+
+    mapgraft.run(["alpha.mcap", "more/charlie.mcap"], "mission.yaml", "killed", sinks=[Deadly()])
+"""
+
+
+def test_a_run_that_is_killed_and_started_again_is_the_same_run(
+    here: tuple[Path, mapgraft.Result], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, result = here
+    last = next(event.seq for event in result.events if event.kind not in ROUTINE and event.seq > 3)
+    command = [sys.executable, "-c", textwrap.dedent(KILLED), str(last)]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == -signal.SIGKILL
+    heard = [line.split() for line in done.stdout.splitlines()]
+    told = read_events(folder / "killed/alpha.merge.mcap.partial")
+    assert [int(seq) for seq, kind in heard if kind not in ROUTINE][-1] == told[-1].seq == last
+    assert [repr(event) for event in told] == [repr(event) for event in result.events[: last + 1]]
+    replayed(folder, monkeypatch, out="killed")
+    whole, again = contents(folder / "out"), contents(folder / "killed")
+    clock = {name for name in {**whole, **again} if name.startswith("timings/")} | {"alpha.merge.mcap"}
+    assert {n: c for n, c in whole.items() if n not in clock} == {n: c for n, c in again.items() if n not in clock}
+    assert said(whole["alpha.merge.mcap"]) == said(again["alpha.merge.mcap"])
