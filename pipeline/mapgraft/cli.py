@@ -160,12 +160,13 @@ def report(
 def convert(
     source: Annotated[list[Path], typer.Argument(help="CARMEN logs, ROS 1 bags, ROS 2 bags.")],
     out: Annotated[Path, typer.Argument(help="The MCAP file to write.")],
+    config: ConfigFile = None,
     debug: Debug = False,
 ) -> None:
     """Convert recordings to one ROS 2 MCAP."""
     from mapgraft.commands.convert import convert_and_show
 
-    convert_and_show(source, out)
+    convert_and_show(source, out, config)
 
 
 @app.command()

@@ -726,6 +726,13 @@ def strange() -> Iterator[Nasty]:
         "revert-hostile-mission", {"out/mission.json": b'{"files": ["/etc/passwd"], "config": {"x": 1}}'},
         ("revert", "@/out", "a.b.1"),
     )  # fmt: skip
+    lines = b"".join(b"FLASER 2 1.0 2.0 0 0 0 0 0 0 %d.0 host %d.0\n" % (n, n) for n in range(1, 30))
+    bombs = {"newlines": b"\n" * (60 << 20), "one-line": b"x" * (60 << 20), "lines": b"# " + b"y" * 9998 + b"\n"}
+    bombs["lines"] *= 6000
+    for name, filling in bombs.items():
+        yield Nasty(f"gzip-bomb-{name}", {"a.log.gz": gzip.compress(lines + filling, mtime=0)}, ("info", "@/a.log.gz"))
+    trusting = {"a.mcap": whole["a.mcap"], "c.yaml": b"limits: {chunk_bytes: 10}\n"}
+    yield Nasty("convert-limited", trusting, ("convert", "@/a.mcap", "@/b.mcap", "-c", "@/c.yaml"), hint="limits.")
     yield Nasty("convert-noise", {"a.bag": random.Random(14).randbytes(100)}, ("convert", "@/a.bag", "@/b.mcap"))
     yield Nasty("evaluate-noise", {"a.log": b"FLASER 1"}, ("evaluate", "@/a.log", "-q"))
 

@@ -17,6 +17,7 @@ from mcap.writer import CompressionType, Writer
 
 from mapgraft.contracts.sources import Channel, Fault, ReadFaults, SchemaText, Source
 from mapgraft.errors import OutputError, RecordingError, UsageError
+from mapgraft.recording.containers.limits import DEFAULT_LIMITS, ReadLimits
 from mapgraft.recording.containers.opening import Reader, open_source
 from mapgraft.recording.conversion import Convert, Output, Untold, converters
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE
@@ -155,18 +156,23 @@ def convert(
     *,
     typestore: str | None = None,
     readers: Sequence[Reader] = (),
+    limits: ReadLimits = DEFAULT_LIMITS,
 ) -> ConversionReport:
     """Convert recordings of any kind into one ROS 2 MCAP file, in order of log time.
 
     Messages of types that cannot be told in ROS 2 are left out and counted. Where two files have a topic in common,
-    the topics of every file begin with the file's name (``/robot1/scan``), so that robots stay apart. Equal inputs give
-    equal bytes. Raises RecordingError when a recording cannot be opened or nothing of it can be converted, UsageError
-    when ``out`` is one of the inputs or not an .mcap file, OutputError when it cannot be written.
+    the topics of every file begin with the file's name (``/robot1/scan``), so that robots stay apart. ``limits`` bound
+    what a file may unpack to. Equal inputs give equal bytes. Raises RecordingError when a recording cannot be opened or
+    nothing of it can be converted, UsageError when ``out`` is one of the inputs or not an .mcap file, OutputError when
+    it cannot be written.
     """
     files, target = [Path(path) for path in paths], Path(out)
     _check(files, target)
     with ExitStack() as stack:
-        sources = [stack.enter_context(open_source(file, typestore=typestore, readers=readers)) for file in files]
+        sources = [
+            stack.enter_context(open_source(file, typestore=typestore, readers=readers, limits=limits))
+            for file in files
+        ]
         inputs = [
             _Input(source, prefix, typestore or DEFAULT_TYPESTORE)
             for source, prefix in zip(sources, _prefixes(sources), strict=True)

@@ -11,6 +11,7 @@ import pytest
 
 from mapgraft.contracts.sources import Source
 from mapgraft.errors import RecordingError, UsageError
+from mapgraft.recording.containers.limits import ReadLimits
 from mapgraft.recording.containers.opening import Reader, open_source
 from mapgraft.recording.containers.tum_file import TumSource
 
@@ -121,3 +122,21 @@ def test_plugins_readers_come_first(tmp_path: Path) -> None:
 def test_an_unknown_typestore_is_wrong_usage(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"there is no typestore 'humble'"):
         open_source(tmp_path, typestore="humble")
+
+
+def test_a_text_that_unpacks_without_end_is_read_as_far_as_the_limits_allow(tmp_path):
+    line = b"FLASER 2 1.0 2.0 0 0 0 0 0 0 %d.0 host %d.0\n"
+    logged = b"".join(line % (n, n) for n in range(1000))
+    packed = tmp_path / "bomb.log.gz"
+    packed.write_bytes(gzip.compress(logged + b"\n" * (40 << 20)))
+    with open_source(packed) as source:
+        assert len(list(source.messages())) == 1000
+        (fault,) = source.faults
+    assert fault.cause == "unpacks_too_far" and "raise limits.expansion" in fault.sentence
+    with open_source(packed, limits=ReadLimits(expansion=1e5)) as source:
+        assert len(list(source.messages())) == 1000 and not len(source.faults)
+    endless = tmp_path / "endless.log.gz"
+    endless.write_bytes(gzip.compress(logged + b"x" * (40 << 20)))
+    with open_source(endless) as source:
+        assert len(list(source.messages())) == 1000
+        assert {fault.cause for fault in source.faults} == {"unpacks_too_far"}

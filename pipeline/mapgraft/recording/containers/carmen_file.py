@@ -33,6 +33,7 @@ from mapgraft.recording.containers.carmen_lines import (
     stamps,
 )
 from mapgraft.recording.containers.carmen_survey import RangeSurvey
+from mapgraft.recording.containers.limits import DEFAULT_LIMITS, ReadLimits
 from mapgraft.recording.containers.scanning import scans_of
 from mapgraft.recording.containers.text_lines import Line, lines
 
@@ -56,9 +57,10 @@ class CarmenSource:
 
     container = "carmen"
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, limits: ReadLimits = DEFAULT_LIMITS) -> None:
         self.path = path
         self.faults = ReadFaults()
+        self._limits = limits
         self._no_return_m: dict[str, float] = {}
         self._clock = self._survey()
         self.start_ns: int | None = None
@@ -76,7 +78,7 @@ class CarmenSource:
         """Learn the clock from the scans (from all lines in a log without scans) and the no-return ranges."""
         by_scans, by_lines = ClockSurvey(), ClockSurvey()
         ranges: dict[str, RangeSurvey] = {}
-        for line in lines(self.path, self.faults):
+        for line in lines(self.path, self.faults, self._limits):
             keyword = keyword_of(line.text)
             if keyword is None:
                 continue
@@ -122,7 +124,7 @@ class CarmenSource:
     def _timed_lines(self) -> Iterator[_TimedLine]:
         """The readable lines that have a time, with it; the same in each pass."""
         clock = self._clock.clock(by_scans=bool(self._no_return_m))
-        for line in lines(self.path, self.faults):
+        for line in lines(self.path, self.faults, self._limits):
             keyword = keyword_of(line.text)
             if keyword is None:
                 continue

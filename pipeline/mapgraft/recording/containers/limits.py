@@ -10,6 +10,11 @@ FREE_BYTES = 1 << 30
 """So much a file may unpack to, however small it is."""
 
 
+FREE_TEXT_BYTES = 16 << 20
+TEXT_SHARE = 0.1
+"""A text, which is read line by line, may unpack to so much, or to this share of ``expansion`` times its size."""
+
+
 @dataclass(frozen=True, slots=True)
 class ReadLimits:
     """Bounds on what a container says of itself.
@@ -28,6 +33,10 @@ class ReadLimits:
                 f"{path} has {packed_bytes:,} bytes and says that it unpacks to {unpacked_bytes:,}, more than "
                 f"{self.expansion:g} times its size: raise limits.expansion if you trust it"
             )
+
+    def text_bytes(self, packed_bytes: int) -> int:
+        """How much of a compressed text of ``packed_bytes`` is read."""
+        return int(max(FREE_TEXT_BYTES, TEXT_SHARE * self.expansion * packed_bytes))
 
 
 DEFAULT_LIMITS = ReadLimits()

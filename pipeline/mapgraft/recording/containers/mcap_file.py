@@ -46,6 +46,7 @@ from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, RosCode
 from mapgraft.recording.decoding.names import message_type
 
 _COUNT_DIFFERS = "count_differs"
+_OF_INDEXES = (_COUNT_DIFFERS, "index_partial")  # nothing is lost by these alone
 
 
 class McapSource:
@@ -136,7 +137,7 @@ class McapSource:
 
     def _compared(self, want: Wanted, given: Mapping[int, int]) -> Iterator[T]:
         """Nothing more; but when fewer came than the writer counted and no other fault tells why, an index is wrong."""
-        if self._stated is not None and want.is_open and all(fault.cause == _COUNT_DIFFERS for fault in self.faults):
+        if self._stated is not None and want.is_open and all(fault.cause in _OF_INDEXES for fault in self.faults):
             stated, found = sum(self._stated.get(number, 0) for number in want.channels), sum(given.values())
             topics = sorted({channel.topic for channel in want.channels.values()})
             if found < stated:

@@ -25,6 +25,8 @@ from mapgraft.recording.containers.mcap_scans import indexed_span
 from mapgraft.recording.containers.mcap_summary import Summary, believable_chunks, read_summary
 from mapgraft.recording.containers.mcap_walk import Piece, Walk
 
+_INDEX_HEAD, _INDEX_ENTRY = 15, 16  # bytes of a message index's opcode, lengths and channel, and of each message in it
+
 
 @dataclass(slots=True)
 class McapIndex:
@@ -104,6 +106,8 @@ def read_index(view: memoryview, faults: ReadFaults, limits: ReadLimits) -> Mcap
         (index.declare if summary is not None and summary.trusted else index.suppose)(value)
     _adopt(index, faults)
     _take_statistics(summary, index, told, found)
+    if not found:
+        _distrust_indexes(index, told, faults)
     return index
 
 
@@ -216,6 +220,24 @@ def _adopt(index: McapIndex, faults: ReadFaults) -> None:
         if number in index.redefined:
             sentence = f"the channel {number} is described twice, differently: the first description holds"
             faults.add("channel_redefined", sentence, topic=channel.topic, place=number)
+
+
+def _distrust_indexes(index: McapIndex, told: Sequence[ChunkIndex], faults: ReadFaults) -> None:
+    """Open all chunks, whatever their message indexes say, when these have room for fewer messages than were counted.
+
+    How many messages an index tells of follows from its length: nothing has to be read for it.
+    """
+    if index.stated is None or not all(value.message_index_length for value in told):
+        return
+    sizes = [value.message_index_length - len(value.message_index_offsets) * _INDEX_HEAD for value in told]
+    told_of, counted = sum(sizes) // _INDEX_ENTRY, sum(index.stated.values())
+    known = {channel for value in told for channel in value.message_index_offsets}
+    unknown = any(count for channel, count in index.stated.items() if channel not in known)
+    if told_of >= counted and not unknown and not any(size % _INDEX_ENTRY for size in sizes):
+        return
+    index.places[: len(told)] = [place._replace(channels=None) for place in index.places[: len(told)]]
+    sentence = f"the message indexes leave out some of the {counted:,} messages: all chunks are searched for them"
+    faults.add("index_partial", sentence, place=0)
 
 
 def _take_statistics(summary: Summary | None, index: McapIndex, told: Sequence[ChunkIndex], found: int) -> None:

@@ -106,11 +106,11 @@ def _open_text(path: Path, head: bytes, typestore: str, limits: ReadLimits) -> S
     if any(line.split(None, 1)[0] in KEYWORDS for line in lines) or path.name.endswith(_CARMEN_SUFFIXES):
         from mapgraft.recording.containers.carmen_file import CarmenSource
 
-        return CarmenSource(path)
+        return CarmenSource(path, limits)
     if any(map(_is_pose, lines[:10])):
         from mapgraft.recording.containers.tum_file import TumSource
 
-        return TumSource(path)
+        return TumSource(path, limits)
     return _open_by_name(path, typestore, limits)
 
 

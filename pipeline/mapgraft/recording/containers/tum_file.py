@@ -12,6 +12,7 @@ from typing import Self
 
 from mapgraft.contracts.sources import TUM_POSE, Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText
 from mapgraft.errors import RecordingError
+from mapgraft.recording.containers.limits import DEFAULT_LIMITS, ReadLimits
 from mapgraft.recording.containers.scanning import scans_of
 from mapgraft.recording.containers.text_lines import lines, seconds_to_ns
 from mapgraft.recording.decoding.records import PoseRecord
@@ -28,9 +29,10 @@ class TumSource:
 
     container = "tum"
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, limits: ReadLimits = DEFAULT_LIMITS) -> None:
         self.path = path
         self.faults = ReadFaults()
+        self._limits = limits
         self.start_ns: int | None = None
         self.end_ns: int | None = None
         count = 0
@@ -45,7 +47,7 @@ class TumSource:
     def _poses(self) -> Iterator[tuple[int, bytes]]:
         """Log time and text of each line that is a pose."""
         newest_ns: int | None = None
-        for line in lines(self.path, self.faults):
+        for line in lines(self.path, self.faults, self._limits):
             if line.text.startswith(b"#"):
                 continue
             try:
