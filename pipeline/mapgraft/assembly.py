@@ -11,7 +11,6 @@ from mapgraft.contracts import MapType
 from mapgraft.decision import DecisionTable
 from mapgraft.errors import ConfigError, PluginError
 from mapgraft.events import Sink
-from mapgraft.guard import Guard
 from mapgraft.history import History, Journal
 from mapgraft.persons import Hand, given_priors, recorded_priors
 from mapgraft.plugins import Plugins
@@ -36,7 +35,7 @@ class Assembly:
 
 def assemble(mission: Mission, config: Config, plugins: Plugins, table: DecisionTable, sink: Sink) -> Assembly:
     """Make the robots of a mission; raises ConfigError or PluginError when something does not fit."""
-    guard = Guard(config.limits)
+    guard = mission.guard  # one for all: only one can be armed at a time
     workshop, history = Workshop(plugins, guard=guard), History(sink)
     workshop.prepare(table)
     hand = hand_of(config, mission)

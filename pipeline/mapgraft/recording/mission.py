@@ -12,6 +12,7 @@ from typing import Self
 from mapgraft.config import Config
 from mapgraft.contracts import Observation, RecordingError, Transform
 from mapgraft.contracts.sources import Fault, ReadFaults
+from mapgraft.guard import Guard
 from mapgraft.plugins import Plugins
 from mapgraft.recording.poses.frames import Drift
 from mapgraft.recording.poses.rigid import Pose7, from_transform, inverse, levelled, to_transform
@@ -84,6 +85,11 @@ class Mission:
         self.T_world_map: Mapping[str, Transform] = {
             name: to_transform(pose) for name, pose in known_world(self._plans, self._anchors).items()
         }
+
+    @property
+    def guard(self) -> Guard:
+        """Who watches over the plugins that read this mission; their calls are limited in time while it is armed."""
+        return self._library.guard
 
     @property
     def start_ns(self) -> int:
@@ -221,7 +227,8 @@ def open_mission(paths: Sequence[Path], config: Config, *, plugins: Plugins | No
     """
     library = Library(plugins, config.mission.typestore, config.limits)
     try:
-        roster = call_roll(paths, config, library)
+        with library.guard.armed():
+            roster = call_roll(paths, config, library)
         if not roster.plans and not roster.map_files:
             raise RecordingError(nothing_found(roster))
         if (robots := len(roster.plans) + len(roster.map_files)) > config.limits.robots:

@@ -90,7 +90,7 @@ def survey(paths: Sequence[Path], config: Config, *, plugins: Plugins | None = N
     Raises RecordingError when a file cannot be read or there is nothing to map, ConfigError when the configuration
     speaks of what is not there.
     """
-    with open_mission(paths, config, plugins=plugins) as mission:
+    with open_mission(paths, config, plugins=plugins) as mission, mission.guard.armed():
         tracks = _tracks(mission.places())
         tally = mission.tally
         odometry = _tracks(mission.odometry())

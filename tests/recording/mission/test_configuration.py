@@ -162,4 +162,4 @@ def test_a_decoder_adds_a_kind_of_payload(record, mission, at):
     found = mission(file.write(), plugins=plugins)
     assert found.robots[0].kinds == ("tag",)
     assert not list(found.observations())
-    assert "(AttributeError" in found.tally.sentences()[0]
+    assert "failed: AttributeError" in found.tally.sentences()[0]

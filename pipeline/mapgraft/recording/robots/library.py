@@ -7,23 +7,29 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from mapgraft.config import LimitsConfig
-from mapgraft.contracts import ConfigError, GridMessage, MapgraftError, PluginError, RecordingError
+from mapgraft.contracts import ConfigError, GridMessage, PluginError, RecordingError
+from mapgraft.contracts.sources import Source
+from mapgraft.errors import FailedPluginError
+from mapgraft.guard import Guard
 from mapgraft.plugins import Plugins
 from mapgraft.recording.containers.limits import ReadLimits
 from mapgraft.recording.containers.opening import Reader, open_source
 from mapgraft.recording.robots.glimpse import Glimpse, glimpse
 from mapgraft.recording.robots.payloads import Decoder, Payloads, checked_size
+from mapgraft.recording.robots.strangers import GuardedSource, called, decoded
 
 
 class Library:
     """Opens recordings and ready-made map files, with what plugins add to both.
 
-    ``typestore`` names the rosbags typestore for messages whose definition is not in their file.
+    ``typestore`` names the rosbags typestore for messages whose definition is not in their file. ``guard`` watches over
+    plugins' readers, decoders and formats.
     """
 
     def __init__(self, plugins: Plugins | None, typestore: str, limits: LimitsConfig | None = None) -> None:
         self._plugins = plugins or Plugins()
         self._limits = limits or LimitsConfig()
+        self.guard = Guard(self._limits)
         self._typestore = typestore
         self._glimpses: dict[Path, Glimpse] = {}
         self._readers = [
@@ -32,7 +38,7 @@ class Library:
         ]
         self.payloads = Payloads(
             {
-                name: (offered.descriptor.gives, self._decoder(offered.descriptor.name))
+                name: (offered.descriptor.gives, self._decoder(offered.descriptor.name, name))
                 for offered in self._plugins.of_kind("decoder")
                 for name in offered.descriptor.accepts
             },
@@ -78,11 +84,9 @@ class Library:
             raise ConfigError(f"the format {name!r} has no option {', '.join(unknown)}: it has {offered}")
         given = {**options, "warn": warn} if "warn" in known else dict(options)
         try:
-            payload = read(path, **given)
-        except MapgraftError:
-            raise
-        except Exception as error:  # a stranger's format may fail in any way
-            raise PluginError(f"the format {name!r} failed on {path}: {type(error).__name__}: {error}") from error
+            payload = called(self.guard, "format", name, lambda: read(path, **given))
+        except FailedPluginError as error:
+            raise PluginError(f"{path} cannot be read: {error}") from error
         if isinstance(payload, GridMessage):
             checked_size(payload, self._limits, str(path))
         return self._plugins.find("format", name).descriptor.gives, payload
@@ -92,17 +96,22 @@ class Library:
         for seen in self._glimpses.values():
             seen.source.close()
 
-    def _decoder(self, name: str) -> Callable[[], Decoder]:
-        return lambda: self._plugins.function("decoder", name)
+    def _decoder(self, name: str, message_type: str) -> Callable[[], Decoder]:
+        """How to get a decoder that is watched; it is loaded when somebody asks for it."""
+
+        def get() -> Decoder:
+            decode = self._plugins.function("decoder", name)
+            return lambda message: decoded(self.guard, name, decode, message, message_type)
+
+        return get
 
     def _reader(self, name: str) -> Callable[[Path], object]:
         def read(path: Path) -> object:
             function = self._plugins.function("reader", name)  # not loaded before it is used
             try:
-                return function(path)
-            except MapgraftError:
-                raise
-            except Exception as error:  # a stranger's reader may fail in any way
-                raise PluginError(f"the reader {name!r} failed on {path}: {type(error).__name__}: {error}") from error
+                source = called(self.guard, "reader", name, lambda: function(path))
+            except FailedPluginError as error:
+                raise PluginError(f"{path} cannot be read: {error}") from error
+            return GuardedSource(source, name, self.guard) if isinstance(source, Source) else source
 
         return read
