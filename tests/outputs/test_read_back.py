@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import random
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from mapgraft.errors import OutputError
 from mapgraft.events import Event
-from mapgraft.outputs.read_back import read_attachment, read_events
+from mapgraft.outputs.read_back import read_attachment, read_events, told_by
 
 
 def test_a_cut_file_gives_the_events_before_the_cut(merge_file: Path, tmp_path: Path, events: list[Event]) -> None:
@@ -49,3 +51,16 @@ def test_the_configuration_can_be_taken_from_a_cut_file(merge_file: Path, tmp_pa
         assert read_attachment(path, "config.yaml") == b"seed: 0\n"
     with pytest.raises(OutputError, match=r"holds no attachment 'layout.json'"):
         read_attachment(cut, "layout.json")
+
+
+def test_lengths_that_lie_allocate_nothing_and_raise_sentences_only(merge_file: Path, tmp_path: Path) -> None:
+    data, chance, path = merge_file.read_bytes(), random.Random(1), tmp_path / "damaged.merge.mcap.partial"
+    counts = set()
+    for _ in range(150):
+        damaged, at = bytearray(data), chance.randrange(8, len(data) - 8)
+        damaged[at : at + 8] = chance.choice([b"\xff" * 8, b"\xff\xff\xff\x7f" + bytes(4), bytes(8)])
+        path.write_bytes(damaged)
+        counts.add(told_by(path).events)
+        with suppress(OutputError):
+            read_events(path)
+    assert len(counts) > 3

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO, cast
 
 import zstandard
 from mcap.exceptions import McapError
@@ -20,7 +22,7 @@ from mapgraft.outputs.mcap_log import EVENTS, RUN_RECORD
 from mapgraft.outputs.messages import MERGE_EVENT, MessageEncoder
 from mapgraft.outputs.provenance import is_run_id
 
-_BROKEN = (McapError, zstandard.ZstdError, struct.error, ValueError)
+_BROKEN = (McapError, zstandard.ZstdError, struct.error, ValueError, MemoryError)
 _MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -50,7 +52,7 @@ def told_by(path: Path) -> Told:
     """What a ``.merge.mcap.partial`` tells of; nothing where the file is none. Raises OSError."""
     run_id, events, channels = "", 0, set[int]()
     with path.open("rb") as stream, suppress(*_BROKEN):
-        for record in StreamReader(stream, validate_crcs=True).records:
+        for record in _reader(stream).records:
             if isinstance(record, Metadata) and record.name == RUN_RECORD:
                 run_id = record.metadata.get("run_id", "")
             elif isinstance(record, Channel) and record.topic == EVENTS:
@@ -79,12 +81,26 @@ def _records(path: Path) -> Iterator[McapRecord]:
             finished = _is_finished(path)
             stream.seek(0)
             try:
-                yield from StreamReader(stream, validate_crcs=True).records
+                yield from _reader(stream).records
             except _BROKEN as error:
                 if finished:
                     raise OutputError(f"{path} is damaged ({error}): run again to write it anew") from error
     except OSError as error:
         raise OutputError(f"{path} cannot be read: {error.strerror or error}") from error
+
+
+class _Bounded:
+    """A file that is asked for no more than it holds, whatever a damaged length says."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream, self._size = stream, os.fstat(stream.fileno()).st_size
+
+    def read(self, size: int) -> bytes:
+        return self._stream.read(min(size, self._size))
+
+
+def _reader(stream: BinaryIO) -> StreamReader:
+    return StreamReader(cast("BinaryIO", _Bounded(stream)), validate_crcs=True)
 
 
 def _is_finished(path: Path) -> bool:
