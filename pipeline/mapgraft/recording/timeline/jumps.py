@@ -11,6 +11,7 @@ LASTING: Final = 3
 """So many poses in a row that go together are no slip: the robot was carried, or found itself."""
 
 _SLACK_M, _SLACK_RAD = 1.0, 0.5  # what a correction by SLAM may move a robot at any time
+_NEAR_COSINE = math.cos(0.5 * _SLACK_RAD)
 _TURN_RAD_PER_S = 20.0  # three turns a second, more than any robot that maps
 
 
@@ -28,6 +29,9 @@ class JumpWatch:
     def judge(self, stamp_ns: int, T_map_base: Pose7) -> tuple[str, bool]:
         """A clause on how the pose jumps, empty where it does not; and whether it is to be used all the same."""
         now = (stamp_ns, T_map_base)
+        if self._last is not None and self._other is None and _is_near(self._last[1], T_map_base):
+            self._last = now  # as nearly always
+            return "", True
         if self._last is None or not (why := self._jump(self._last, now)):
             self._last, self._other, self._count = now, None, 0
             return "", True
@@ -47,3 +51,10 @@ class JumpWatch:
         if turned_rad > _SLACK_RAD + _TURN_RAD_PER_S * passed_s:
             return f"its pose is turned by {turned_rad:.3g} rad against the one {passed_s:.3g} s before"
         return ""
+
+
+def _is_near(one: Pose7, other: Pose7) -> bool:
+    """Whether two poses lie within the slack, whatever time has passed: the cosine is that of half the turn."""
+    x, y, z = other[0] - one[0], other[1] - one[1], other[2] - one[2]
+    cosine = one[3] * other[3] + one[4] * other[4] + one[5] * other[5] + one[6] * other[6]
+    return x * x + y * y + z * z <= _SLACK_M * _SLACK_M and abs(cosine) >= _NEAR_COSINE

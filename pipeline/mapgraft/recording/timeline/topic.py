@@ -10,7 +10,7 @@ from mapgraft.contracts.sources import RecordedScan
 from mapgraft.recording.poses.frames import Stamped
 from mapgraft.recording.robots.clocks import INDEX_STEP_NS, Times
 from mapgraft.recording.robots.payloads import Opened, Read
-from mapgraft.recording.robots.stamps import BEYOND_NS, StampWatch
+from mapgraft.recording.robots.stamps import BEYOND_NS, Odd, StampWatch
 from mapgraft.recording.timeline.tally import TopicTally
 
 _MOST_FRAMES = 64  # of one topic that are watched; a frame that changes with every message must not fill the memory
@@ -33,36 +33,37 @@ class Topic:
     wanted: int = 0  # of which within all limits, for thinning
     _watches: dict[str, StampWatch] = field(default_factory=dict)  # by frame: two lidars may share a topic
     _before: dict[str, Read] = field(default_factory=dict)
+    _judged: bool = False
+
+    def __post_init__(self) -> None:
+        self._judged = self.times.judged(self.name)
 
     def frame(self, opened: Opened) -> str:
         return self.tree_frame if opened.frame == self.seen_frame else opened.frame
 
     def time(self, number: int, read: Read, opened: Opened) -> int | None:
         """When a message was, by the robot's clock, in nanoseconds; None for one not to be used, which is tallied."""
-        time_ns = self._time(number, read, opened)
-        if time_ns is not None and abs(time_ns) > BEYOND_NS:
+        if self._judged and (watch := self._watches.get(opened.frame) or self._watch(opened.frame)) is not None:
+            odd = watch.judge(read.log_ns, opened.stamp_ns)
+            before, self._before[opened.frame] = self._before.get(opened.frame), read
+            time_ns = opened.stamp_ns if odd is None else self._put_right(odd, opened.stamp_ns, before, read)
+        elif self.times.clock == "index":
+            return number * INDEX_STEP_NS
+        else:
+            time_ns = self.times.stamp(self.name, Stamped(read.log_ns, opened.stamp_ns))
+        if time_ns is not None and not -BEYOND_NS <= time_ns <= BEYOND_NS:
             self.tally.drop("beyond_time", 0, f"its time is {time_ns / 1e9:.6g} s, which no clock shows")
             return None
         return time_ns
 
-    def _time(self, number: int, read: Read, opened: Opened) -> int | None:
-        times = self.times
-        if times.clock == "index":
-            return number * INDEX_STEP_NS
-        if not times.judged(self.name) or (watch := self._watch(opened.frame)) is None:
-            return times.stamp(self.name, Stamped(read.log_ns, opened.stamp_ns))
-        odd = watch.judge(read.log_ns, opened.stamp_ns)
-        before, self._before[opened.frame] = self._before.get(opened.frame), read
-        if odd is None:
-            return opened.stamp_ns
+    def _put_right(self, odd: Odd, stamp_ns: int, before: Read | None, read: Read) -> int | None:
         if odd.cause == "stamp_repeated" and before is not None and _same(before, read):
             self.tally.drop("repeated", odd.time_ns, "it is the one before once more, byte for byte")
             return None
         if not odd.used:
             self.tally.drop(odd.cause, odd.time_ns, odd.because)
             return None
-        kept = odd.time_ns == opened.stamp_ns
-        what = "it is put in order" if kept else "the time of its recording counts"
+        what = "it is put in order" if odd.time_ns == stamp_ns else "the time of its recording counts"
         self.tally.notice(odd.cause, odd.time_ns, f"{odd.because}; {what}")
         return odd.time_ns
 
