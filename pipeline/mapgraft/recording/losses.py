@@ -27,7 +27,7 @@ def losses(mission: Mission) -> tuple[Loss, ...]:
     """What was lost so far: of the files as they were read, then of the messages that were to become observations."""
     of_files = [Loss(name, f.topic, f.cause, f.count, f.sentence) for name, f in mission.faults]
     of_robots = [
-        Loss(topic.robot, topic.topic, cause, dropped.count, dropped.why)
+        Loss(topic.robot, topic.topic, cause, dropped.count, f"at {dropped.first_ns / 1e9:.3f} s: {dropped.why}")
         for topic in mission.tally
         for cause, dropped in (*topic.dropped.items(), *topic.noticed.items())
     ]

@@ -254,6 +254,8 @@ def test_info_tells_it_all(record, mission):
     assert any("(stamp_zero)" in problem for problem in found.problems)
     rows = {(loss.where, loss.topic, loss.cause): loss.count for loss in found.lost}
     assert rows["run", "/scan", "stamp_zero"] == 1
+    (zero,) = [loss for loss in found.lost if loss.cause == "stamp_zero"]
+    assert zero.sentence == "at 1700000002.010 s: its stamp is 0; the time of its recording counts"
     json.dumps(dataclasses.asdict(found))
     opened = mission(path)
     list(opened.observations())
