@@ -203,3 +203,26 @@ def test_a_fixed_edge_may_change_and_stays_fixed() -> None:
 @pytest.mark.parametrize("shape", [(0.0, 0.0, 0.0, 2.0), (0.0, 0.0, -3.0, 0.0)])
 def test_quaternions_are_normalised(shape: tuple[float, float, float, float]) -> None:
     assert math.isclose(math.hypot(*pose7((1, 2, 3), shape)[3:]), 1.0)
+
+
+def test_contradictions_are_told_once_each_in_the_order_of_the_recording():
+    buffer = TransformBuffer(S)
+    for stamp, (parent, child) in enumerate(["ab", "bc", "xc", "ca", "de", "ed", "ff"], 1):
+        buffer.add(parent, child, stamp * S, IDENTITY)
+    two, *loops = buffer.contradictions()
+    assert two[0] == "two_parents" and "'c' hangs on 'b' and from 3.000 s on on 'x', too" in two[1]
+    assert [cause for cause, _ in loops] == ["loop"] * 3
+    assert {frozenset(text.split("'")[1::2]) for _, text in loops} == {
+        frozenset("abc"),
+        frozenset("de"),
+        frozenset("f"),
+    }
+
+
+def test_a_chain_without_end_is_walked_once():
+    buffer = TransformBuffer(S)
+    for n in range(100_000):
+        buffer.add(f"f{n}", f"f{n + 1}", S, IDENTITY)
+    assert buffer.contradictions() == []
+    missing = buffer.lookup("f0", "f100000", S)
+    assert isinstance(missing, Missing) and "more than 256 frames deep" in missing.sentence

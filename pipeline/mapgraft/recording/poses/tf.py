@@ -236,31 +236,33 @@ class TransformBuffer:
             for edge in others:
                 text = f"{child!r} hangs on {first.parent!r} and{_since(edge)} on {edge.parent!r}, too"
                 found.append(("two_parents", f"{text}: what has two places by that is left out"))
-        looping: set[str] = set()
-        for frame in self._parents:
-            if frame not in looping and (loop := self._loop(frame)):
-                looping.update(edge.child for edge in loop)
-                shown = [edge.parent for edge in reversed(loop)][:_NAMES_SHOWN]
-                names = " → ".join(map(repr, shown)) + (" → …" if len(loop) > len(shown) else "")
-                text = f"the frames {names} → {loop[0].child!r} go round in a loop{_since(loop[-1])}"
-                found.append(("loop", f"{text}: what hangs on it is left out"))
+        for loop in self._loops():
+            shown = [edge.parent for edge in reversed(loop)][:_NAMES_SHOWN]
+            names = " → ".join(map(repr, shown)) + (" → …" if len(loop) > len(shown) else "")
+            text = f"the frames {names} → {loop[0].child!r} go round in a loop{_since(loop[-1])}"
+            found.append(("loop", f"{text}: what hangs on it is left out"))
         return found
 
-    def _loop(self, frame: str) -> list[Edge]:
-        """The edges from a frame up to itself, empty where there is no such way."""
-        below: dict[str, Edge] = {}
-        reached = [frame]
-        while reached:
-            for edge in self._parents.get(reached.pop(), {}).values():
-                if edge.parent == frame:
-                    way = [edge]
-                    while way[-1].child != frame:
-                        way.append(below[way[-1].child])
-                    return way[::-1]
-                if edge.parent not in below:
-                    below[edge.parent] = edge
-                    reached.append(edge.parent)
-        return []
+    def _loops(self) -> Iterator[list[Edge]]:
+        """Loops, each as the edges from a frame up to itself; every edge is followed once."""
+        done: set[str] = set()
+        for start in self._parents:
+            way: list[Edge] = []  # from the start to the frame at hand
+            on_way = {start: 0}
+            ahead = [iter(self._parents[start].values())] if start not in done else []
+            while ahead:
+                edge = next(ahead[-1], None)
+                if edge is None:
+                    ahead.pop()
+                    frame = way.pop().parent if way else start
+                    done.add(frame)
+                    del on_way[frame]
+                elif edge.parent in on_way:
+                    yield [*way[on_way[edge.parent] :], edge]
+                elif edge.parent not in done:
+                    way.append(edge)
+                    on_way[edge.parent] = len(way)
+                    ahead.append(iter(self._parents.get(edge.parent, {}).values()))
 
     def _new_edge(self, parent: str, child: str) -> Edge:
         edge = self._parents.setdefault(child, {})[parent] = Edge(parent, child)
