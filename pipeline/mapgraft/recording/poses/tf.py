@@ -228,6 +228,18 @@ class TransformBuffer:
         """The frames on which ``frame`` hangs: none for a root, several where the recording contradicts itself."""
         return tuple(self._parents.get(frame, ()))
 
+    def closes_loop(self, parent: str, child: str) -> bool:
+        """Whether ``T_parent_child`` would make a frame its own ancestor, as far as some thousand frames tell."""
+        seen, todo = {parent}, [parent]
+        while todo and len(seen) <= MOST_WAYS * MOST_DEEP:
+            for upper in self._parents.get(todo.pop(), ()):
+                if upper == child:
+                    return True
+                if upper not in seen:
+                    seen.add(upper)
+                    todo.append(upper)
+        return False
+
     def contradictions(self) -> list[tuple[Cause, str]]:
         """Frames that hang on several parents, and loops: each once, with the time from which the recording says so."""
         found: list[tuple[Cause, str]] = []

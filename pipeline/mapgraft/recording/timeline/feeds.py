@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from mapgraft.contracts.sources import RawMessage, ReadFaults, Source
 from mapgraft.errors import RecordingError
+from mapgraft.recording.decoding.records import PoseRecord
 from mapgraft.recording.poses.lookup import TreePoses
 from mapgraft.recording.poses.rigid import Pose7, angle_of, believable, compose, inverse
 from mapgraft.recording.poses.tf import TransformBuffer
@@ -106,7 +107,7 @@ class Feed:
                 parent, child = reading.pose_edge
                 by_log = reading.topic_by_log
             else:
-                name = self._edge(topic, record.frame, record.child, tf)
+                name = self._edge(topic, record, tf)
                 if name is None:
                     continue
                 parent, child = name
@@ -158,19 +159,28 @@ class Feed:
         self._faults.add(odd.cause, f"at {odd.time_ns / 1e9:.3f} s {because}", topic=topic)
         return odd.time_ns if odd.used else None
 
-    def _edge(self, topic: str, frame: str, child: str, tf: TfTopic) -> EdgeName | None:
+    def _edge(self, topic: str, record: PoseRecord, tf: TfTopic) -> EdgeName | None:
         """The edge's name in the tree, None when it is not wanted there."""
-        key = (topic, frame, child)
+        key = (topic, record.frame, record.child)
         if key not in self._names:
-            name = (tf.frame(frame), tf.frame(child))
-            if not frame or not child or frame == child:
-                self._faults.add(
-                    "frame_unnamed", f"a transform joins {frame!r} to {child!r}: it is left out", topic=topic
-                )
-                self._names[key] = None
-            else:
-                self._names[key] = None if name[1] in self._reading.replaced else name
+            self._names[key] = self._new_edge(topic, record, tf)
         return self._names[key]
+
+    def _new_edge(self, topic: str, record: PoseRecord, tf: TfTopic) -> EdgeName | None:
+        frame, child = record.frame, record.child
+        name = (tf.frame(frame), tf.frame(child))
+        if not frame or not child or frame == child:
+            sentence = f"a transform joins {frame!r} to {child!r}: it is left out"
+            self._faults.add("frame_unnamed", sentence, topic=topic)
+            return None
+        if name[1] in self._reading.replaced:
+            return None
+        if self._buffer.closes_loop(*name):
+            when = "" if tf.fixed else f"at {record.stamp_ns / 1e9:.3f} s "
+            sentence = f"{when}{frame!r} → {child!r} closes a loop with what was told before: it is left out for good"
+            self._faults.add("loop", sentence, topic=topic)
+            return None
+        return name
 
 
 def _apart(one: Pose7, other: Pose7) -> str:
