@@ -1,0 +1,1 @@
+"""Numba kernels of the line maps: arrays in, arrays out."""
