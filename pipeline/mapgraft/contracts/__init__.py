@@ -28,8 +28,18 @@ from mapgraft.contracts.merging import (
     Matcher,
     Prior,
 )
-from mapgraft.contracts.observations import GRID_MESSAGE, SCAN, GridMessage, Observation, Rays, Scan
-from mapgraft.contracts.plugin import API, Descriptor, Register, RegisterRules, hookimpl
+from mapgraft.contracts.observations import (
+    CLOUD,
+    CLOUD_MAP,
+    GRID_MESSAGE,
+    SCAN,
+    Cloud,
+    GridMessage,
+    Observation,
+    Rays,
+    Scan,
+)
+from mapgraft.contracts.plugin import CONTRACT, Descriptor, Register, RegisterRules, hookimpl
 from mapgraft.contracts.sources import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText, Source
 from mapgraft.contracts.verification import (
     RECENT_SAMPLES,
@@ -59,13 +69,16 @@ from mapgraft.errors import (
 )
 
 __all__ = [
-    "API",
+    "CLOUD",
+    "CLOUD_MAP",
+    "CONTRACT",
     "GRID_MESSAGE",
     "RECENT_SAMPLES",
     "SCAN",
     "Acceptor",
     "Candidate",
     "Channel",
+    "Cloud",
     "Comparison",
     "ConfigError",
     "Contribution",

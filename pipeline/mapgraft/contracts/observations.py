@@ -12,6 +12,8 @@ from mapgraft.contracts.geometry import Points, Transform
 
 SCAN = "scan"
 GRID_MESSAGE = "grid_message"
+CLOUD = "cloud"
+CLOUD_MAP = "cloud_map"
 
 
 class Rays(NamedTuple):
@@ -70,12 +72,30 @@ class GridMessage:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Cloud:
+    """Points in three dimensions in the sensor frame: one sweep of a lidar or camera, or a ready-made map of points.
+
+    ``points_m`` (n, 3) float32, finite; ``intensities`` (n,) float32 in the sensor's own unit and ``colours`` (n, 3)
+    uint8 red, green, blue, each None where the sensor tells none. ``origin_m`` is where the sweep was seen from, so
+    that what lies between it and a point is free; None where nobody knows. ``dropped`` counts points that were left out
+    because they are not finite.
+    """
+
+    points_m: NDArray[np.float32]
+    intensities: NDArray[np.float32] | None = None
+    colours: NDArray[np.uint8] | None = None
+    origin_m: tuple[float, float, float] | None = (0.0, 0.0, 0.0)
+    dropped: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Observation:
     """One payload of one robot, placed in the robot's own map frame.
 
     ``stamp_ns`` is the time on the mission's timeline, ``recorded_ns`` the stamp as recorded; they differ when robots
     recorded one after another are shifted to a common start. ``kind`` names the payload: ``scan`` (Scan),
-    ``grid_message`` (GridMessage), or whatever a plugin's decoder gives. ``T_map_sensor`` places the payload;
+    ``grid_message`` (GridMessage), ``cloud`` (Cloud, one sweep), ``cloud_map`` (Cloud, a ready-made map of
+    points), or whatever a plugin's decoder gives. ``T_map_sensor`` places the payload;
     ``T_map_base`` is where the robot's body was, for its path.
     """
 
