@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
-from mapgraft.contracts import GRID_MESSAGE, SCAN, MapgraftError, RecordingError, Transform
+from mapgraft.contracts import GRID_MESSAGE, SCAN, MapgraftError, RecordingError, Transform, TransformError
 from mapgraft.contracts.sources import CARMEN_LASER_SCAN, SCAN_TYPES, RawMessage, RecordedScan, ScanMessage, Source
 from mapgraft.recording.decoding.grids import grid_payload
 from mapgraft.recording.decoding.names import bare_frame
 from mapgraft.recording.decoding.poses import POSE_READERS, poses_of
 from mapgraft.recording.decoding.records import PoseRecord
-from mapgraft.recording.decoding.scan_fields import stamp_ns
+from mapgraft.recording.decoding.scan_fields import sensor_pose, stamp_ns
 from mapgraft.recording.decoding.scans import scan_payload
 from mapgraft.recording.poses.lookup import Placed
 from mapgraft.recording.poses.quick_tf import QUICK_TYPES, transforms
@@ -84,12 +84,9 @@ class Payloads:
             placed = _own_place(source, read) if message_type == CARMEN_LASER_SCAN else None
             return _opened_scan(source.decode_scan(read), placed)
         message: Any = source.decode(read)
-        try:
-            stamp, frame = stamp_ns(message.header.stamp), bare_frame(message.header.frame_id)
-        except (AttributeError, TypeError, ValueError) as error:
-            raise RecordingError(f"a message of type {message_type} has no header ({error})") from error
+        stamp, frame, T_frame_sensor = _head(message, message_type)
         decode = grid_payload if message_type in GRID_TYPES else self._decoder(message_type)
-        return Opened(stamp, frame, 0, 0, None, None, partial(_decoded, decode, message, message_type))
+        return Opened(stamp, frame, 0, 0, T_frame_sensor, None, partial(_decoded, decode, message, message_type))
 
     def _decoder(self, message_type: str) -> Decoder:
         if message_type not in self._decoders:
@@ -106,6 +103,17 @@ def poses_in(source: Source, read: Read) -> Sequence[PoseRecord]:
         if quick is not None:
             return quick
     return poses_of(read.channel.message_type, source.decode(read))
+
+
+def _head(message: Any, message_type: str) -> tuple[int, str, Transform | None]:
+    """When and in which frame a message was made, from its header, or as Foxglove's messages have it: with a pose."""
+    try:
+        if hasattr(message, "header"):
+            return stamp_ns(message.header.stamp), bare_frame(message.header.frame_id), None
+        place = sensor_pose(getattr(message, "pose", None))
+        return stamp_ns(message.timestamp), bare_frame(message.frame_id), place
+    except (AttributeError, TypeError, ValueError, TransformError) as error:
+        raise RecordingError(f"a message of type {message_type} has no header ({error})") from error
 
 
 def _opened_scan(scan: ScanMessage, placed: Placed | None) -> Opened:
