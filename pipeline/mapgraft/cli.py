@@ -219,6 +219,7 @@ def evaluate(
     verifier: Annotated[str | None, typer.Option(help="A verifier in the place of the rules' own.")] = None,
     rules: Annotated[Path | None, typer.Option("--rules", help="A decision table to try instead.")] = None,
     map_type: Annotated[str | None, typer.Option("--type", help="Map type, if not the one a run would take.")] = None,
+    other_type: Annotated[str | None, typer.Option(help="The donor's map type, if not the receiver's.")] = None,
     baseline: Annotated[bool, typer.Option(help="The paper's rules on the same pairs, too.")] = True,
     config: ConfigFile = None,
     jobs: Annotated[int, typer.Option(help="Processes to share the work.")] = 1,
@@ -233,7 +234,7 @@ def evaluate(
     from mapgraft.evaluation.drawing import Drawing
 
     drawing = Drawing(pairs, scans, further, across, seed)
-    settings = Settings(drawing, map_type, resolution, other_resolution, rules, matcher, verifier, baseline)
+    settings = Settings(drawing, map_type, resolution, other_resolution, rules, matcher, verifier, baseline, other_type)
     evaluate_and_show(files, config, settings, jobs=jobs, quiet=quiet, json_out=json, without=no_plugin or [])
 
 
@@ -255,6 +256,19 @@ def plugins_show(
     from mapgraft.commands.plugins import show_plugin
 
     show_plugin(name, as_json=json)
+
+
+@plugins_app.command("check")
+def plugins_check(
+    name: Annotated[str, typer.Argument(help="A plugin by its entry point, or a matcher, metric, … by name.")],
+    examples: Annotated[int | None, typer.Option(min=1, help="Examples per law; more find more.")] = None,
+    json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Whether a plugin keeps the laws that make merges reversible, law by law; exit code 1 when it does not."""
+    from mapgraft.commands.plugins_check import check_plugin
+
+    check_plugin(name, as_json=json, examples=examples)
 
 
 def main() -> None:

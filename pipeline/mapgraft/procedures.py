@@ -27,6 +27,8 @@ METHODS: Mapping[PluginKind, tuple[str, ...]] = {
         "decode",
         "metadata",
         "structure",
+        "messages",
+        "files",
     ),
     "matcher": ("match",),
     "acceptor": ("accept",),

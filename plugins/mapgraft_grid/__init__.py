@@ -20,6 +20,8 @@ _EVIDENCE: Final = {
     "news": ("news:News", "what the receiver has seen since the merge where it knew nothing before"),
 }
 
+_LAWS: Final = {"bayes_factor": ("mapgraft_grid.conformance:BayesFactorLaws",)}
+
 
 @hookimpl
 def register_map_types(register: Register) -> None:
@@ -41,6 +43,7 @@ def register_matchers(register: Register) -> None:
             "mapgraft_grid.carpin:Carpin",
             "Hough spectra for the rotation, axis spectra for the shift (Carpin 2008); any two resolutions",
             accepts=_GRID,
+            laws=("mapgraft_grid.conformance:CarpinLaws",),
         )
     )
     register(
@@ -87,7 +90,7 @@ def register_metrics(register: Register) -> None:
 
     for name, what in _EVIDENCE.items():
         module, about = what
-        register(Descriptor(name, f"mapgraft_grid.evidence.{module}", about, accepts=_GRID))
+        register(Descriptor(name, f"mapgraft_grid.evidence.{module}", about, accepts=_GRID, laws=_LAWS.get(name, ())))
 
 
 @hookimpl

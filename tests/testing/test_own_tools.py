@@ -7,7 +7,7 @@ from typing import ClassVar, cast
 from mapgraft.contracts import Acceptor, Fuser, MapType, Matcher, Metric, Policy, Verifier
 from mapgraft.plugins import load_plugins
 from mapgraft.testing import AcceptorLaws, FuserLaws, MatcherLaws, MetricLaws, PolicyLaws, Supply, VerifierLaws
-from mapgraft_grid.carpin import Carpin
+from mapgraft_grid.conformance import BayesFactorLaws, CarpinLaws
 from mapgraft_grid.correlation import Correlation
 from mapgraft_grid.log_odds import LogOdds
 from mapgraft_grid.map_type import OccupancyGrid
@@ -21,13 +21,8 @@ class Grids(Supply):
         return OccupancyGrid(resolution_m=0.1)
 
 
-class TestCarpin(Grids, MatcherLaws):
-    expected_failures: ClassVar[dict[str, str]] = {
-        "the_best_comes_first": "hypotheses with few walls in common are returned, and are no rivals in the margin"
-    }
-
-    def make_matcher(self) -> Matcher:
-        return Carpin()
+class TestCarpin(CarpinLaws):
+    pass
 
 
 class TestCorrelation(Grids, MatcherLaws):
@@ -63,11 +58,8 @@ class TestDistanceMetric(OfGrids):
     metric_name = "distance"
 
 
-class TestBayesFactorMetric(OfGrids):
-    metric_name = "bayes_factor"
-    expected_failures: ClassVar[dict[str, str]] = {
-        "measurements_are_well_formed": "walls beside each other agree, too; its support is the cells that both know"
-    }
+class TestBayesFactorMetric(BayesFactorLaws):
+    pass
 
 
 class TestContradictionMetric(OfGrids):

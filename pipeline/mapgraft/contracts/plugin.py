@@ -19,13 +19,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 import pluggy
 
 from mapgraft.errors import PluginError
 
 PROJECT = "mapgraft"
-API = (1, 0)
+CONTRACT: Final = (1, 1)
+"""The version of everything in ``mapgraft.contracts``. The first number changes when a plugin written for it could
+break, the second one when something comes in addition."""
+DECLARED_IN: Final = "MAPGRAFT_CONTRACT"
+"""Where a plugin's module says which version it was written for: ``MAPGRAFT_CONTRACT = (1, 1)``."""
 
 hookspec = pluggy.HookspecMarker(PROJECT)
 hookimpl = pluggy.HookimplMarker(PROJECT)
@@ -60,7 +65,9 @@ class Descriptor:
     ============  =====================================================================================================
 
     ``requires`` names modules that must be importable and ``extra`` the extra that installs them; where one is missing
-    the descriptor is listed with what to install. ``api`` is the version of this contract it was written for.
+    the descriptor is listed with what to install. ``laws`` names classes (``"module:Class"``) that inherit from
+    ``mapgraft.testing`` and say how to try the thing's laws, for ``mapgraft plugins check``. ``api`` is the version of
+    this contract it was written for, where the module does not say so for all (``MAPGRAFT_CONTRACT``).
     """
 
     name: str
@@ -72,18 +79,31 @@ class Descriptor:
     uses_prior: bool = False
     requires: tuple[str, ...] = ()
     extra: str = ""
-    api: tuple[int, int] = API
+    laws: tuple[str, ...] = ()
+    api: tuple[int, int] = CONTRACT
 
     def __post_init__(self) -> None:
         if not self.name or not self.name.replace("_", "").replace(".", "").replace("-", "").isalnum():
             raise PluginError(f"a plugin's name must be letters, digits, '_', '-' and '.', found {self.name!r}")
         if self.factory.count(":") != 1:
             raise PluginError(f"the factory of {self.name!r} must be 'module:attribute', found {self.factory!r}")
-        if self.api[0] != API[0]:
-            raise PluginError(
-                f"{self.name!r} was written for contract {self.api[0]}.{self.api[1]}, this is {API[0]}.{API[1]}: "
-                "update the plugin"
-            )
+        require_contract(repr(self.name), self.api)
+        for laws in self.laws:
+            if laws.count(":") != 1:
+                raise PluginError(f"the laws of {self.name!r} must be 'module:Class', found {laws!r}")
+
+
+def require_contract(who: str, version: object) -> None:
+    """Raise PluginError unless what was written for that version of the contracts works with this one."""
+    if not (isinstance(version, tuple) and len(version) == 2 and all(isinstance(part, int) for part in version)):
+        raise PluginError(
+            f"{who} must say for which contract it was written as {DECLARED_IN} = {CONTRACT}, found {version!r}"
+        )
+    if version[0] == CONTRACT[0] and version[1] <= CONTRACT[1]:
+        return
+    what = "update mapgraft" if version > CONTRACT else "update the plugin"
+    here = ".".join(map(str, CONTRACT))
+    raise PluginError(f"{who} was written for contract {version[0]}.{version[1]}, this mapgraft has {here}: {what}")
 
 
 Register = Callable[[Descriptor], None]

@@ -113,24 +113,19 @@ def law(sentence: str, *, vacuous: str = "") -> Callable[[Callable[[Any, Drawing
 
 
 def laws_of(laws: Laws | type[Laws]) -> Iterator[Law]:
-    """The laws of a class, those of its first bases first, in the order in which they are written.
+    """The laws of a class and its bases, in the order in which they are written.
 
     Raises UsageError when a failure is expected of a law that there is not.
     """
     kind = laws if isinstance(laws, type) else type(laws)
-    found: dict[str, Law] = {}
-    for base in reversed(inspect.getmro(kind)):
-        for name, value in vars(base).items():
-            if (made := getattr(value, "law", None)) is not None:
-                found[name] = made
-            elif name in found:  # a subclass put something else in its place
-                del found[name]
-    names = [made.name for made in found.values()]
-    if unknown := sorted(set(kind.expected_failures) - set(names)):
+    names = dict.fromkeys(name for base in inspect.getmro(kind) for name in vars(base))
+    found = [value.law for name in names if hasattr(value := getattr(kind, name), "law")]
+    known = [made.name for made in found]
+    if unknown := sorted(set(kind.expected_failures) - set(known)):
         raise UsageError(
-            f"{kind.__name__} expects {', '.join(unknown)} to fail, its laws are {', '.join(sorted(names))}"
+            f"{kind.__name__} expects {', '.join(unknown)} to fail, its laws are {', '.join(sorted(known))}"
         )
-    yield from found.values()
+    yield from found
 
 
 def require(holds: object, clause: str | Callable[[], str]) -> None:

@@ -50,9 +50,9 @@ class RegionLaws(Supply):
     def _regions(self, drawing: Drawing) -> tuple[Region, Region, Region]:
         """What two observations touched, on one lattice, and an empty one."""
         map_type, scene = self.make_map_type(), scene_of(self, drawing)
-        seen, other = map_type.new_layer(), map_type.new_layer()
+        seen = map_type.new_layer()
         a = map_type.integrate(seen, scene.own[0])
-        b = map_type.integrate(other, scene.own[-1])
+        b = map_type.integrate(map_type.new_layer(), scene.own[-1])
         for observation in scene.own[1:2]:
             b = b.union(map_type.integrate(seen, observation))
         return a, b, map_type.region(map_type.new_layer())
