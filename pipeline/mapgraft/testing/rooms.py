@@ -10,7 +10,7 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mapgraft.contracts import GRID_MESSAGE, SCAN, GridMessage, Observation, Points, Scan, Transform
+from mapgraft.contracts import CLOUD, GRID_MESSAGE, SCAN, Cloud, GridMessage, Observation, Points, Scan, Transform
 
 BEAMS: Final = 180
 REACH_M: Final = 12.0
@@ -18,6 +18,8 @@ PERIOD_NS: Final = 100_000_000
 GRID_M: Final = 0.1
 _MARGIN: Final = 5  # cells around a ready-made map
 _POST_CORNERS: Final = 8
+_SLOPES: Final = (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)  # of the rings of a spinning lidar, up per way
+_FLOOR_M, _CEILING_M = -0.6, 1.8  # seen from it
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +72,20 @@ def look(room: Room, x: float, y: float, yaw: float) -> Scan:
     return Scan(beams, np.minimum(ranges, REACH_M).astype(np.float32), hits)
 
 
+def sweep(room: Room, x: float, y: float, yaw: float) -> Cloud:
+    """One turn of a lidar with seven rings: walls, floor and ceiling."""
+    bearings = math.tau * np.arange(BEAMS) / BEAMS
+    directions = np.stack((np.cos(bearings + yaw), np.sin(bearings + yaw)), axis=1)
+    away = distances(room.segments(), np.array([x, y]), directions)
+    beams = np.stack((np.cos(bearings), np.sin(bearings)), axis=1)
+    points = []
+    for slope in _SLOPES:
+        ways = np.minimum(away, np.inf if slope == 0.0 else (_CEILING_M if slope > 0 else _FLOOR_M) / slope)
+        seen = ways < REACH_M
+        points.append(np.column_stack((beams * ways[:, None], slope * ways))[seen])
+    return Cloud(np.concatenate(points).astype(np.float32))
+
+
 def distances(
     segments: NDArray[np.float64], origin: NDArray[np.float64], directions: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -105,7 +121,7 @@ def observe(
     made = []
     for step, (x, y, yaw) in enumerate(poses):
         T_room_sensor = Transform.planar(x, y, yaw)
-        payload: object = look(room, x, y, yaw)
+        payload: object = sweep(room, x, y, yaw) if kind == CLOUD else look(room, x, y, yaw)
         T_map_sensor = T_map_base = T_map_room @ T_room_sensor
         if kind == GRID_MESSAGE:
             payload, T_map_sensor = ready_made(room, x, y, 2.0 + step), T_map_room
@@ -139,5 +155,5 @@ def poses(draw: st.DrawFn, room: Room, least: int, most: int) -> list[tuple[floa
     ]
 
 
-READY_KINDS: Final = (SCAN, GRID_MESSAGE)
+READY_KINDS: Final = (SCAN, GRID_MESSAGE, CLOUD)
 """Kinds of observations that the kit can make by itself."""
