@@ -1,0 +1,1 @@
+"""Numba kernels of floor plans: arrays in, arrays out."""
