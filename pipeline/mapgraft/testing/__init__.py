@@ -39,7 +39,8 @@ from mapgraft.testing.laws import (
 from mapgraft.testing.map_types import MapTypeLaws
 from mapgraft.testing.matchers import MatcherLaws
 from mapgraft.testing.metrics import MetricLaws
-from mapgraft.testing.rooms import READY_KINDS, Room, look, rooms
+from mapgraft.testing.observing import READY_KINDS, observe
+from mapgraft.testing.rooms import Room, look, rooms
 from mapgraft.testing.scenes import Scene, moved, planar_moves, scenes_from, scenes_of
 from mapgraft.testing.supply import Supply, layer_of
 
@@ -68,6 +69,7 @@ __all__ = [
     "layer_of",
     "look",
     "moved",
+    "observe",
     "planar_moves",
     "require",
     "rooms",

@@ -19,7 +19,7 @@ from mapgraft.testing.listing import PluginLaws
 from mapgraft.testing.map_types import MapTypeLaws
 from mapgraft.testing.matchers import MatcherLaws
 from mapgraft.testing.metrics import MetricLaws
-from mapgraft.testing.rooms import READY_KINDS
+from mapgraft.testing.observing import READY_KINDS
 from mapgraft.testing.ruled import Use, judged_in_rules
 from mapgraft.testing.supply import Supply
 

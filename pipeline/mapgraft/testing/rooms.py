@@ -10,11 +10,10 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mapgraft.contracts import CLOUD, GRID_MESSAGE, SCAN, Cloud, GridMessage, Observation, Points, Scan, Transform
+from mapgraft.contracts import Cloud, GridMessage, Points, Scan, Transform
 
 BEAMS: Final = 180
 REACH_M: Final = 12.0
-PERIOD_NS: Final = 100_000_000
 GRID_M: Final = 0.1
 _MARGIN: Final = 5  # cells around a ready-made map
 _POST_CORNERS: Final = 8
@@ -114,22 +113,6 @@ def ready_made(room: Room, x: float, y: float, sight_m: float) -> GridMessage:
     return GridMessage(cells.reshape(shape), GRID_M, origin)
 
 
-def observe(
-    kind: str, room: Room, poses: list[tuple[float, float, float]], T_map_room: Transform, robot: str
-) -> tuple[Observation, ...]:
-    """What a robot sees from these poses, told in its own map frame."""
-    made = []
-    for step, (x, y, yaw) in enumerate(poses):
-        T_room_sensor = Transform.planar(x, y, yaw)
-        payload: object = sweep(room, x, y, yaw) if kind == CLOUD else look(room, x, y, yaw)
-        T_map_sensor = T_map_base = T_map_room @ T_room_sensor
-        if kind == GRID_MESSAGE:
-            payload, T_map_sensor = ready_made(room, x, y, 2.0 + step), T_map_room
-        stamp_ns = (step + 1) * PERIOD_NS
-        made.append(Observation(robot, stamp_ns, stamp_ns, "sensor", kind, payload, T_map_sensor, T_map_base))
-    return tuple(made)
-
-
 @st.composite
 def rooms(draw: st.DrawFn) -> Room:
     """Rooms of 4 to 9 metres with up to six posts, none of them symmetrical."""
@@ -153,7 +136,3 @@ def poses(draw: st.DrawFn, room: Room, least: int, most: int) -> list[tuple[floa
         )
         for _ in range(count)
     ]
-
-
-READY_KINDS: Final = (SCAN, GRID_MESSAGE, CLOUD)
-"""Kinds of observations that the kit can make by itself."""

@@ -11,7 +11,8 @@ from mapgraft.decision import Rule, build_table
 from mapgraft.plugins import PluginKind, Plugins
 from mapgraft.reversal import new_reversal
 from mapgraft.testing.laws import NotTriedError
-from mapgraft.testing.rooms import Room, observe
+from mapgraft.testing.observing import observe
+from mapgraft.testing.rooms import Room
 from mapgraft.testing.supply import Supply, layer_of
 
 _ROOM: Final = Room(6.0, 4.0, (1.5, 1.2), ((1.0, 1.0, 0.1), (4.0, 1.2, 0.1)))

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from mapgraft.contracts import Observation, Transform
 from mapgraft.testing.laws import NotTriedError
-from mapgraft.testing.rooms import READY_KINDS, observe, poses, rooms
+from mapgraft.testing.observing import READY_KINDS, observe
+from mapgraft.testing.rooms import poses, rooms
 
 
 @dataclass(frozen=True, slots=True, eq=False)
