@@ -5,9 +5,18 @@ Other plugins make layers of it with ``mapgraft_lines.segments.from_segments``.
 
 from __future__ import annotations
 
-from mapgraft.contracts import SCAN, Descriptor, Register, hookimpl
+from pathlib import Path
+
+from mapgraft.contracts import SCAN, Descriptor, Register, RegisterRules, hookimpl
 
 LINES, GRID = "line_segments", "occupancy_grid"
+_METRICS = {
+    "line_explained": ("walls:Explained", "share of the jointly known walls that both maps have"),
+    "line_contradiction": ("walls:Contradiction", "share of walls that stand in the other map's free space"),
+    "line_residual": ("walls:Residual", "how far walls are off those of the other map, in metres"),
+    "line_posterior": ("posterior:LinePosterior", "probability that a match is right, from walls and free space"),
+    "line_news": ("news:News", "what both maps have come to know of each other since the merge"),
+}
 
 
 @hookimpl
@@ -23,6 +32,19 @@ def register_map_types(register: Register) -> None:
 
 
 @hookimpl
+def register_matchers(register: Register) -> None:
+    register(
+        Descriptor(
+            "line_association",
+            "mapgraft_lines.line_association:LineAssociation",
+            "pairs of walls vote for rotation and shift; explained length against walls in free space",
+            accepts=(LINES,),
+            uses_prior=True,
+        )
+    )
+
+
+@hookimpl
 def register_fusers(register: Register) -> None:
     register(
         Descriptor(
@@ -32,3 +54,49 @@ def register_fusers(register: Register) -> None:
             accepts=(LINES,),
         )
     )
+
+
+@hookimpl
+def register_metrics(register: Register) -> None:
+    for name, (where, what) in _METRICS.items():
+        register(Descriptor(name, f"mapgraft_lines.evidence.{where}", what, accepts=(LINES,)))
+
+
+@hookimpl
+def register_conversions(register: Register) -> None:
+    register(
+        Descriptor(
+            "line_segments_to_occupancy_grid",
+            "mapgraft_lines.lines_to_grid:LinesToGrid",
+            "walls drawn as hits, free space as misses",
+            accepts=(LINES,),
+            gives=GRID,
+        )
+    )
+    register(
+        Descriptor(
+            "occupancy_grid_to_line_segments",
+            "mapgraft_lines.grid_to_lines:GridToLines",
+            "occupied cells that lie on lines, and free space",
+            accepts=(GRID,),
+            gives=LINES,
+        )
+    )
+
+
+@hookimpl
+def register_formats(register: Register) -> None:
+    register(
+        Descriptor(
+            "lines_geojson",
+            "mapgraft_lines.geojson_file:read",
+            "walls as lines in metres, with free space where the file has it (GeoJSON)",
+            accepts=(".geojson",),
+            gives=LINES,
+        )
+    )
+
+
+@hookimpl
+def register_rules(register: RegisterRules) -> None:
+    register("line segments", (Path(__file__).parent / "rules.yaml").read_text(encoding="utf-8"))

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from mapgraft.contracts import Layer, MapError
+from mapgraft_lines.kernels.keys import SLOT_BITS
 from mapgraft_lines.region import LineRegion
 from mapgraft_lines.table import Table
 
@@ -48,8 +49,9 @@ class Evidence:
         return len(self.pieces) + len(self.space)
 
     def keys(self) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-        """All keys about which there is evidence, ascending."""
-        return np.union1d(self.pieces.keys, self.space.keys)
+        """All keys about which there is evidence, ascending: slots of pieces, and all cells that are known by any."""
+        cells = np.union1d(self.pieces.keys >> SLOT_BITS << SLOT_BITS, self.space.keys)
+        return np.union1d(self.pieces.keys, cells)
 
     def plus(self, other: Evidence, times: int = 1) -> Evidence:
         return Evidence(self.pieces.plus(other.pieces, times), self.space.plus(other.space, times))

@@ -64,6 +64,14 @@ class LineMap:
     reading: Reading
     kept: dict[str, Any] = field(default_factory=dict)  # what was computed from the rest
 
+    @classmethod
+    def of(
+        cls, cell_m: float, own: Evidence, received: Evidence | None = None, reading: Reading | None = None
+    ) -> LineMap:
+        """The view of some evidence."""
+        foreign = received if received is not None else Evidence()
+        return cls(cell_m, own, foreign, own.plus(foreign), reading or Reading())
+
     @property
     def map_type(self) -> str:
         return NAME
@@ -111,10 +119,21 @@ class LineMap:
         return cells
 
     def knows(self, points_m: Points) -> NDArray[np.bool_]:
-        """Which of the points (n, 2) lie in known cells."""
+        """Which of the points (n, 2) lie in known cells or next to one with a piece of wall: walls bridge gaps."""
         index = np.floor(points_m / self.cell_m).astype(np.int64)
-        found: NDArray[np.bool_] = np.isin(cell_keys(index[:, 0], index[:, 1]), self.known_keys())
+        found: NDArray[np.bool_] = np.isin(cell_keys(index[:, 0], index[:, 1]), self._around_keys())
         return found
+
+    def _around_keys(self) -> Keys:
+        """The known cells and the neighbours of those that hold a piece of wall, ascending."""
+        if "around" not in self.kept:
+            corners = cell_corners_m(np.unique(self.standing_keys() & ~SLOT_MASK), self.cell_m)
+            held = np.rint(corners / self.cell_m).astype(np.int64)
+            steps = np.stack(np.meshgrid((-1, 0, 1), (-1, 0, 1)), axis=-1).reshape(-1, 2)
+            near = (held[:, None] + steps).reshape(-1, 2)
+            self.kept["around"] = np.union1d(self.known_keys(), cell_keys(near[:, 0], near[:, 1]))
+        keys: Keys = self.kept["around"]
+        return keys
 
     def _grown(self, name: str, evidence: Evidence) -> Grown:
         if name not in self.kept:

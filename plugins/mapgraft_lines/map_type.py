@@ -27,6 +27,7 @@ from mapgraft.contracts import (
     Transform,
 )
 from mapgraft_lines import codec, output, parameters
+from mapgraft_lines.crossing import crossing_m
 from mapgraft_lines.extraction import SensorModel, evidence_of
 from mapgraft_lines.layer import FROM_SCANS, NAME, READY_MADE, Evidence, LineLayer, as_layer
 from mapgraft_lines.line_map import LineMap, Reading, as_map
@@ -38,7 +39,6 @@ from mapgraft_lines.walls import cell_corners_m
 SEGMENTS: Final = "line_segments"  # the payload kind of ready-made maps
 STRUCTURE_STEP_M: Final = 0.1
 _MOST_OBSERVATIONS: Final = 1 << 31
-_CROSSING: Final = math.sin(math.radians(30.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -182,7 +182,7 @@ class LineSegments:
             received = layer.absorbed
             for contribution in contributions:
                 received = received.plus(_all(as_layer(contribution.layer)), weight_of(contribution))
-        return LineMap(layer.cell_m, layer.own, received, layer.own.plus(received), self._reading)
+        return LineMap.of(layer.cell_m, layer.own, received, self._reading)
 
     def place(self, layer: Layer, T_receiver_donor: Transform, scale: float = 1.0) -> LineLayer:
         """The layer's evidence in the receiver's frame and this instance's cells (``placing.place_evidence``).
@@ -244,9 +244,9 @@ class LineSegments:
             mapper=own.mapper,
             can_send=("segments", *(("free space",) if len(own.own.space) else ())),
             extra={
-                "walls": len(walls),
-                "wall_m": float(lengths.sum()),
                 "crossing_m": crossing_m(walls.angles_rad, lengths),
+                "wall_m": float(lengths.sum()),
+                "walls": len(walls),
             },
         )
 
@@ -266,16 +266,6 @@ class LineSegments:
         if not seen.known():
             raise EmptyMapError("an empty map of line segments cannot be written: integrate observations first")
         return {f"{stem}.lines.geojson": output.geojson(seen), f"{stem}.lines.svg": output.svg(seen)}
-
-
-def crossing_m(angles_rad: NDArray[np.float64], lengths_m: NDArray[np.float64]) -> float:
-    """How many metres of wall run at 30° or more to the direction in which most of them run."""
-    if not len(angles_rad):
-        return 0.0
-    across = np.abs(np.sin(angles_rad[:, None] - angles_rad)) >= _CROSSING
-    alike = np.abs(np.sin(angles_rad[:, None] - angles_rad)) < _CROSSING
-    main = int(np.argmax(alike @ lengths_m))
-    return float(lengths_m[across[main]].sum())
 
 
 def weight_of(contribution: Contribution) -> int:

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.contracts import MapError, Transform
-from mapgraft_lines.kernels.keys import BARE, BARE_BINS, FACED, FACED_BINS, LIMIT, STEPS_PER_M
+from mapgraft_lines.kernels.keys import BARE, LIMIT, STEPS_PER_M
 from mapgraft_lines.layer import DX, DY, LOOKS, PIECE_COLUMNS, SPACE_COLUMNS, WX, WXX, WXY, WY, WYY, Evidence, W
-from mapgraft_lines.segments import cell_keys
+from mapgraft_lines.segments import cell_keys, slots_of
 from mapgraft_lines.table import Table
 from mapgraft_lines.walls import SLOT_MASK, cell_corners_m
 
@@ -68,17 +68,9 @@ def _placed_pieces(table: Table, cell_m: float, matrix: NDArray[np.float64], sca
     turn_c, turn_s = np.where(faced, c, c * c - s * s), np.where(faced, s, 2.0 * c * s)
     new[:, DX] = np.rint(turn_c * old[:, DX] - turn_s * old[:, DY])
     new[:, DY] = np.rint(turn_s * old[:, DX] + turn_c * old[:, DY])
-    return Table.summed(cell_keys(ix, iy) | _slots(new, faced), new)
-
-
-def _slots(counts: NDArray[np.int64], faced: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """The slots (n,) of pieces of these directions."""
-
-    angle = np.arctan2(counts[:, DY].astype(np.float64), counts[:, DX].astype(np.float64))
-    both = np.floor(angle / math.tau * FACED_BINS).astype(np.int64) % FACED_BINS
-    bare = np.floor(angle / math.tau * BARE_BINS).astype(np.int64) % BARE_BINS  # the angle is twice the direction
-    out: NDArray[np.int64] = np.where(faced, FACED + both, BARE + bare)
-    return out
+    angle = np.arctan2(new[:, DY].astype(np.float64), new[:, DX].astype(np.float64))
+    slots = slots_of(np.where(faced, angle, 0.5 * angle), faced)
+    return Table.summed(cell_keys(ix, iy) | slots, new)
 
 
 def _placed_space(table: Table, cell_m: float, matrix: NDArray[np.float64], scale: float, to_m: float) -> Table:

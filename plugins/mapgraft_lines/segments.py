@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mapgraft.contracts import MapError, MapType, Points
 from mapgraft_lines.kernels import chopping
-from mapgraft_lines.kernels.keys import LIMIT
+from mapgraft_lines.kernels.keys import BARE, BARE_BINS, FACED, FACED_BINS, INDEX_BITS, LIMIT, SLOT_BITS
 from mapgraft_lines.layer import CONVERTED, LOOKS, PIECE_COLUMNS, SPACE_COLUMNS, Evidence, LineLayer
 from mapgraft_lines.table import Table
 
@@ -110,10 +110,16 @@ def free_cells(points_m: Points | None, looks: int, cell_m: float) -> Table:
     return Table(keys, np.full((len(keys), SPACE_COLUMNS), looks, np.int64))
 
 
+def slots_of(angle_rad: NDArray[np.float64], faced: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """The slots (n,) of walls that run along directions, as ``kernels.keys.slot_at``."""
+    sided = np.floor(angle_rad / math.tau * FACED_BINS + 0.5).astype(np.int64) % FACED_BINS
+    bare = np.floor(angle_rad / math.pi * BARE_BINS + 0.5).astype(np.int64) % BARE_BINS
+    out: NDArray[np.int64] = np.where(faced, FACED + sided, BARE + bare)
+    return out
+
+
 def cell_keys(ix: NDArray[np.int64], iy: NDArray[np.int64]) -> NDArray[np.int64]:
     """The keys (slot 0) of cells."""
-    from mapgraft_lines.kernels.keys import INDEX_BITS, SLOT_BITS
-
     out: NDArray[np.int64] = (((ix + LIMIT) << INDEX_BITS) | (iy + LIMIT)) << SLOT_BITS
     return out
 

@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from mapgraft.contracts import Points
 from mapgraft_lines.kernels import growing
 from mapgraft_lines.kernels.chopping import UNIT, UNIT_M
-from mapgraft_lines.kernels.keys import BARE, INDEX_BITS, LIMIT, SLOT_BITS, STEPS_PER_M
+from mapgraft_lines.kernels.keys import (
+    BARE,
+    BARE_BINS,
+    FACED,
+    FACED_BINS,
+    INDEX_BITS,
+    LIMIT,
+    SLOT_BITS,
+    STEPS_PER_M,
+)
 from mapgraft_lines.layer import DX, DY, LOOKS, WX, WXX, WXY, WY, WYY, W
 from mapgraft_lines.table import Keys, Table
 
@@ -74,11 +83,24 @@ class Walls:
 
 
 def standing(pieces: Table, space: Table, looks_min: int, share_min: float) -> Table:
-    """The pieces seen often enough, and in a fair share of the observations that saw their cell or through it."""
+    """The pieces seen often enough, and in a fair share of the observations that saw their cell or through it.
+
+    Pieces of one wall may lie in slots of neighbouring directions: what these saw counts for each.
+    """
     looks = pieces.counts[:, LOOKS]
+    if looks_min > 1 or share_min > 0.0:
+        looks = looks + sum(pieces.at(keys)[:, LOOKS] for keys in _beside(pieces.keys))
     through = space.at(pieces.keys & ~SLOT_MASK)[:, 0]
     kept = (looks >= looks_min) & (looks >= share_min * through)
     return pieces if kept.all() else Table(pieces.keys[kept], pieces.counts[kept])
+
+
+def _beside(keys: Keys) -> tuple[Keys, Keys]:
+    """The slots of the next directions to the right and left, in the same cells."""
+    slot, cell = keys & SLOT_MASK, keys & ~SLOT_MASK
+    first, bins = np.where(slot < BARE, FACED, BARE), np.where(slot < BARE, FACED_BINS, BARE_BINS)
+    right, left = (cell | (first + (slot - first + turn) % bins) for turn in (-1, 1))
+    return right, left
 
 
 def piece_rows(pieces: Table, cell_m: float) -> NDArray[np.float64]:

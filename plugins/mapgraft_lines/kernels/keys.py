@@ -2,7 +2,7 @@
 
 Slot 0 stands for the cell itself, ``FACED`` + 0 … 15 for walls in it of which one side was seen, by the direction along
 which that side lies on the left, and ``BARE`` + 0 … 7 for walls of which nobody knows from where they were seen, by
-the direction of the line.
+the direction of the line. The first of either are about the direction of x.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ def slot_of(key: int) -> int:
 def slot_at(angle_rad: float, faced: bool) -> int:
     """The slot of a wall that runs along a direction."""
     if faced:
-        return FACED + math.floor(angle_rad / (2.0 * math.pi) * FACED_BINS) % FACED_BINS
-    return BARE + math.floor(angle_rad / math.pi * BARE_BINS) % BARE_BINS
+        return FACED + math.floor(angle_rad / (2.0 * math.pi) * FACED_BINS + 0.5) % FACED_BINS
+    return BARE + math.floor(angle_rad / math.pi * BARE_BINS + 0.5) % BARE_BINS
 
 
 @njit(cache=True)
