@@ -48,7 +48,7 @@ class PointCloud:
 
     ``resolution_m`` is the side of a voxel. ``l_hit`` and ``l_miss`` (nats) are the evidence of one hit and one miss
     (OctoMap's values), ``clamp`` (nats) bounds what a reader sees; nothing is clamped when writing. A voxel is occupied
-    above the probability ``occupied`` (one hit suffices) and free below ``free`` (two misses more than hits). A point
+    above the probability ``occupied`` and free below ``free``: one look suffices for either. A point
     from within ``max_range_m`` hits; what lies between it and the sensor was seen through, up to ``short_voxels``
     voxels before it; before a point farther off the first ``free_range_m`` are free. A cloud whose origin nobody knows
     gives hits only.
@@ -64,7 +64,7 @@ class PointCloud:
         l_miss: float = -0.41,
         clamp: float = 5.0,
         occupied: float = 0.65,
-        free: float = 0.31,
+        free: float = 0.4,
         max_range_m: float = 60.0,
         free_range_m: float = 20.0,
         short_voxels: int = 1,
@@ -158,12 +158,12 @@ class PointCloud:
         own = as_layer(layer)
         seen = self.view(own)
         points = seen.points_m
-        extra: dict[str, float | str | bool] = {"voxels_occupied": len(points), "free_space": seen.has_free_space}
+        extra: dict[str, float | str | bool] = {"free_space": seen.has_free_space, "voxels_occupied": len(points)}
         bounds_m = None
         if len(points):
             low, high = points.min(axis=0), points.max(axis=0)
             bounds_m = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
-            extra |= {"z_min_m": float(low[2]), "z_max_m": float(high[2])}
+            extra |= {"z_max_m": float(high[2]), "z_min_m": float(low[2])}
         return MapMetadata(
             type=NAME,
             resolution_m=own.voxel_m,

@@ -1,0 +1,139 @@
+"""The laws of plugins, on everything that mapgraft_cloud offers."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import pytest
+
+from mapgraft.contracts import CLOUD, SCAN
+from mapgraft.testing import ConversionLaws, FuserLaws, MapTypeLaws, MatcherLaws, MetricLaws
+from mapgraft_cloud.evidence import CloudContradiction, CloudOverlap
+from mapgraft_cloud.gicp import Gicp
+from mapgraft_cloud.grid_conversion import GridConversion, SliceConversion
+from mapgraft_cloud.kiss import Kiss
+from mapgraft_cloud.map_type import PointCloud
+from mapgraft_cloud.voxels import Voxels
+from mapgraft_grid.map_type import OccupancyGrid
+
+
+class TestPointCloud(MapTypeLaws):
+    kind: ClassVar[str] = CLOUD
+    examples: ClassVar[int] = 8
+
+    def make_map_type(self) -> PointCloud:
+        return PointCloud()
+
+    def make_fuser(self) -> Voxels:
+        return Voxels()
+
+
+class TestWeighedVoxelsOfAnotherSize(MapTypeLaws):
+    kind: ClassVar[str] = CLOUD
+    examples: ClassVar[int] = 5
+
+    def make_map_type(self) -> PointCloud:
+        return PointCloud(resolution_m=0.15, l_hit=0.7, l_miss=-0.3)
+
+    def make_donor_map_type(self) -> PointCloud:
+        return PointCloud(resolution_m=0.1)
+
+    def make_fuser(self) -> Voxels:
+        return Voxels(weight=2)
+
+
+class TestVoxels(FuserLaws):
+    kind: ClassVar[str] = CLOUD
+    examples: ClassVar[int] = 8
+
+    def make_map_type(self) -> PointCloud:
+        return PointCloud()
+
+    def make_fuser(self) -> Voxels:
+        return Voxels()
+
+
+class TestCloudOverlap(MetricLaws):
+    kind: ClassVar[str] = CLOUD
+    metric_name: ClassVar[str | None] = "cloud_overlap"
+    examples: ClassVar[int] = 6
+
+    def make_map_type(self) -> PointCloud:
+        return PointCloud()
+
+    def make_metric(self) -> CloudOverlap:
+        return CloudOverlap()
+
+
+class TestCloudContradiction(MetricLaws):
+    kind: ClassVar[str] = CLOUD
+    metric_name: ClassVar[str | None] = "cloud_contradiction"
+    examples: ClassVar[int] = 6
+
+    def make_map_type(self) -> PointCloud:
+        return PointCloud()
+
+    def make_metric(self) -> CloudContradiction:
+        return CloudContradiction()
+
+
+class TestCloudToGrid(ConversionLaws):
+    kind: ClassVar[str] = CLOUD
+    examples: ClassVar[int] = 6
+
+    def make_map_type(self) -> PointCloud:
+        return PointCloud()
+
+    def make_target(self) -> OccupancyGrid:
+        return OccupancyGrid()
+
+    def make_conversion(self) -> GridConversion:
+        return GridConversion()
+
+
+class TestGridToSlice(ConversionLaws):
+    kind: ClassVar[str] = SCAN
+    examples: ClassVar[int] = 6
+
+    def make_map_type(self) -> OccupancyGrid:
+        return OccupancyGrid()
+
+    def make_target(self) -> PointCloud:
+        return PointCloud()
+
+    def make_conversion(self) -> SliceConversion:
+        return SliceConversion()
+
+
+class TestKiss(MatcherLaws):
+    kind: ClassVar[str] = CLOUD
+    examples: ClassVar[int] = 4
+    uses_prior: ClassVar[bool] = True
+
+    @pytest.fixture(autouse=True)
+    def _installed(self) -> None:
+        pytest.importorskip("kiss_matcher", reason="needs the extra cloud")
+        pytest.importorskip("small_gicp", reason="needs the extra cloud")
+
+    def make_map_type(self) -> PointCloud:
+        return PointCloud()
+
+    def make_matcher(self) -> Kiss:
+        return Kiss()
+
+
+class TestGicp(MatcherLaws):
+    kind: ClassVar[str] = CLOUD
+    examples: ClassVar[int] = 4
+    uses_prior: ClassVar[bool] = True
+    needs_prior: ClassVar[bool] = True
+
+    @pytest.fixture(autouse=True)
+    def _installed(self) -> None:
+        pytest.importorskip("small_gicp", reason="needs the extra cloud")
+
+    def make_map_type(self) -> PointCloud:
+        return PointCloud()
+
+    def make_matcher(self) -> Gicp:
+        return Gicp()
