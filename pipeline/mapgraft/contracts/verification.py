@@ -84,11 +84,27 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that a metric found at one place: where in the receiver's map frame, what, and how much of it.
+
+    ``kind`` is a few words (``wall missing``); ``start_m`` and ``end_m`` (x, y, z) are the ends of what was found, equal
+    where it is a point; ``value`` is in ``unit``.
+    """
+
+    kind: str
+    start_m: tuple[float, float, float]
+    end_m: tuple[float, float, float]
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
 class Measurement:
     """One value of one metric: NaN when there is too little to measure.
 
     ``support`` is how much it rests on (cells, beams, …) and ``better`` which way it should go; ``details`` holds
-    further named values (variants, parts, the same in another unit).
+    further named values (variants, parts, the same in another unit). ``findings`` are the single things that it found,
+    if that is what people want to see; of each standing merge the latest are written to a file and shown in viewers.
     """
 
     name: str
@@ -97,6 +113,7 @@ class Measurement:
     support: int
     better: Literal["higher", "lower"]
     details: Mapping[str, float] = field(default_factory=dict)
+    findings: Sequence[Finding] = ()
 
     @property
     def sufficient(self) -> bool:

@@ -15,6 +15,7 @@ from mapgraft.contracts import Observation
 from mapgraft.errors import OutputError
 from mapgraft.events import Event, Snapshot
 from mapgraft.outputs.files import Tally, Trajectories, connected, json_bytes, map_files, transforms_csv
+from mapgraft.outputs.findings import FINDINGS, LatestFindings
 from mapgraft.outputs.mcap_log import McapLog
 from mapgraft.outputs.names import file_names
 from mapgraft.outputs.parquet_log import WRITTEN, ParquetLog, PartWriter, other_parts
@@ -52,6 +53,7 @@ class RunFolder:
         self._queue: list[Pose | tuple[int, Event]] = []
         self._snapshots: dict[str, Snapshot] = {}
         self._standing, self._scene, self._tally = StandingMerges(), Scene(), Tally()
+        self._found = LatestFindings()
         self._names = file_names()
         self._traffic: dict[tuple[str, str], int] = {}
         self._watch = Stopwatch()
@@ -180,6 +182,8 @@ class RunFolder:
             self._parquet.happened(event)
             self._tally.happened(event)
             changed |= self._standing.happened(event)
+            if self._found.happened(event):
+                self._mcap.found(event.stamp_ns, event.receiver, self._found.of_receiver(event.receiver))
         if changed:
             self._place(last[1].stamp_ns if len(last) == 2 else last[2], redraw=True)
 
@@ -195,6 +199,8 @@ class RunFolder:
         together = connected(self._scene.robots, merges)
         files = map_files(self._snapshots, together, self._names)
         files |= {"transforms.csv": transforms_csv(merges), "layout.json": layout}
+        if (found := self._found.csv()) is not None:
+            files[FINDINGS] = found
         for name, content in files.items():
             self._staging.write(name, content)
         robots = {robot: self._summary_of(robot) for robot in sorted(self._scene.robots)}
