@@ -36,6 +36,7 @@ from mapgraft.contracts.observations import (
     Cloud,
     GridMessage,
     Observation,
+    Pictured,
     Rays,
     Scan,
 )
@@ -44,6 +45,7 @@ from mapgraft.contracts.sources import Channel, RawMessage, ReadFaults, Recorded
 from mapgraft.contracts.verification import (
     RECENT_SAMPLES,
     Comparison,
+    Finding,
     LocalTracker,
     Measurement,
     Measurements,
@@ -90,6 +92,7 @@ __all__ = [
     "Donation",
     "EmptyMapError",
     "Exactness",
+    "Finding",
     "Fuser",
     "GridMessage",
     "Layer",
@@ -110,6 +113,7 @@ __all__ = [
     "Observation",
     "OutputError",
     "OutputMessage",
+    "Pictured",
     "PluginError",
     "Points",
     "Policy",
