@@ -172,6 +172,7 @@ def match(
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for the picture and the merged map.")] = None,
     resolution: Annotated[float | None, typer.Option(help="Metres per pixel of maps that are bare images.")] = None,
     other_resolution: Annotated[float | None, typer.Option(help="The same of B, where it differs.")] = None,
+    other_format: Annotated[str | None, typer.Option(help="The format of B, if its name tells another.")] = None,
     unknown_gray: Annotated[int | None, typer.Option(help="The gray, 0 to 255, that means unknown.")] = None,
     config: ConfigFile = None,
     rules: Annotated[Path | None, typer.Option("--rules", help="A decision table to use instead.")] = None,
@@ -191,7 +192,8 @@ def match(
     """
     from mapgraft.commands.match import Asked, match_and_show
 
-    asked = Asked(resolution, other_resolution, unknown_gray, config, rules, matcher, tuple(no_plugin or ()))
+    without = tuple(no_plugin or ())
+    asked = Asked(resolution, other_resolution, unknown_gray, config, rules, matcher, without, other_format)
     if not (pairs or unrelated):
         if across:
             raise typer.BadParameter("--across needs a list of pairs: name one with --pairs or --unrelated")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,22 @@ class Scan:
         return Rays(starts @ T + matrix[:2, 3], turned @ T + matrix[:2, 3], self.hits[valid])
 
 
+@runtime_checkable
+class Pictured(Protocol):
+    """A payload that was read from an image, or could be: where its pixels lie in the map frame.
+
+    ``shape_px`` is height and width, None where there is no image after all; ``resolution_m`` the side of a pixel;
+    ``T_map_origin`` the pose of the outer corner of the lower-left pixel.
+    """
+
+    @property
+    def shape_px(self) -> tuple[int, int] | None: ...
+    @property
+    def resolution_m(self) -> float: ...
+    @property
+    def T_map_origin(self) -> Transform: ...
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class GridMessage:
     """A ready-made occupancy grid, as ``nav_msgs/OccupancyGrid`` defines it.
@@ -69,6 +85,11 @@ class GridMessage:
     cells: NDArray[np.int8]
     resolution_m: float
     T_map_origin: Transform
+
+    @property
+    def shape_px(self) -> tuple[int, int]:
+        height, width = self.cells.shape
+        return height, width
 
 
 @dataclass(frozen=True, slots=True, eq=False)
