@@ -51,7 +51,8 @@ class PointCloud:
     above the probability ``occupied`` and free below ``free``: one look suffices for either. A point
     from within ``max_range_m`` hits; what lies between it and the sensor was seen through, up to ``short_voxels``
     voxels before it; before a point farther off the first ``free_range_m`` are free. A cloud whose origin nobody knows
-    gives hits only.
+    gives hits only. ``export`` is the form of the map's file: ``pcd`` or ``ply`` (binary), ``pcd_ascii`` or
+    ``ply_ascii``.
 
     Raises ConfigError on an impossible value. Source: A. Hornung et al., OctoMap (Autonomous Robots 34, 2013).
     """
@@ -68,6 +69,7 @@ class PointCloud:
         max_range_m: float = 60.0,
         free_range_m: float = 20.0,
         short_voxels: int = 1,
+        export: str = "pcd",
     ) -> None:
         self._voxel_m = _within("resolution_m", resolution_m, FINEST_M, COARSEST_M)
         self._model = SensorModel(
@@ -80,6 +82,9 @@ class PointCloud:
             _within("free_range_m", free_range_m, 0.0, _LONGEST_M),
             int(_within("short_voxels", short_voxels, 0, 100)),
         )
+        if export not in output.FORMS:
+            raise ConfigError(f"export of a point cloud map is one of {', '.join(output.FORMS)}, found {export!r}")
+        self._export = export
 
     @property
     def name(self) -> str:
@@ -187,11 +192,11 @@ class PointCloud:
         return (output.point_cloud(seen),) if len(seen.points_m) else ()
 
     def files(self, map_: Map, stem: str) -> Mapping[str, bytes]:
-        """``stem.pcd`` of the occupied voxels; raises EmptyMapError when nothing is occupied."""
+        """``stem.pcd`` or ``stem.ply`` of the occupied voxels; raises EmptyMapError when nothing is occupied."""
         seen = as_map(map_)
         if not len(seen.points_m):
             raise EmptyMapError("a point cloud map without an occupied voxel cannot be written: integrate clouds first")
-        return output.files(seen, stem)
+        return output.files(seen, stem, self._export)
 
 
 def _thresholds(occupied: float, free: float, clamp: float) -> Thresholds:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +11,15 @@ from numpy.typing import NDArray
 from mapgraft.contracts import OutputMessage
 from mapgraft_cloud.cloud_map import CloudMap
 from mapgraft_cloud.parameters import LOG_ODDS_PER_NAT
-from mapgraft_cloud.pcd import pcd_bytes
+from mapgraft_cloud.pcd import Encoding, pcd_bytes
+from mapgraft_cloud.ply import ply_bytes
 
+FORMS: Final[Mapping[str, tuple[str, Encoding]]] = {
+    "pcd": ("pcd", "binary"),
+    "pcd_ascii": ("pcd", "ascii"),
+    "ply": ("ply", "binary"),
+    "ply_ascii": ("ply", "ascii"),
+}
 _FLOAT32 = 7  # sensor_msgs/PointField.FLOAT32
 _COLUMNS = ("x", "y", "z", "intensity")
 
@@ -42,6 +50,8 @@ def probabilities(map_: CloudMap) -> NDArray[np.float64]:
     return odds
 
 
-def files(map_: CloudMap, stem: str) -> Mapping[str, bytes]:
-    """``stem.pcd``, binary: the mean points of the occupied voxels with their probability as intensity."""
-    return {f"{stem}.pcd": pcd_bytes(map_.points_m, probabilities(map_).astype(np.float32))}
+def files(map_: CloudMap, stem: str, form: str) -> Mapping[str, bytes]:
+    """The mean points of the occupied voxels with their probability as intensity, in one of ``FORMS``."""
+    suffix, encoding = FORMS[form]
+    write = pcd_bytes if suffix == "pcd" else ply_bytes
+    return {f"{stem}.{suffix}": write(map_.points_m, probabilities(map_).astype(np.float32), encoding)}

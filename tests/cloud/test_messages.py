@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapgraft.contracts import RecordingError
@@ -45,6 +45,7 @@ def table_of(record: np.dtype[Any], points: np.ndarray, height: int = 1) -> np.n
     return table.reshape(height, -1)
 
 
+@settings(max_examples=40, deadline=None)
 @given(
     kind=st.sampled_from(["f4", "f8", "i2", "i4"]),
     big=st.booleans(),
