@@ -2,16 +2,35 @@
 
 from __future__ import annotations
 
+import dataclasses
+from typing import ClassVar
+
 import beacons
 from hypothesis import strategies as st
 
-from mapgraft.contracts import Acceptor, Fuser, MapType, Matcher, Metric, Observation, Transform, Verifier
+from mapgraft.contracts import (
+    Acceptor,
+    Conversion,
+    Fuser,
+    MapError,
+    MapType,
+    Matcher,
+    Meeting,
+    Metric,
+    Observation,
+    Policy,
+    Situation,
+    Transform,
+    Verifier,
+)
 from mapgraft.testing import (
     AcceptorLaws,
+    ConversionLaws,
     FuserLaws,
     MapTypeLaws,
     MatcherLaws,
     MetricLaws,
+    PolicyLaws,
     Scene,
     Supply,
     VerifierLaws,
@@ -103,7 +122,7 @@ class DisagreementLaws(OnALine, MetricLaws):
 class FirstOneLaws(AcceptorLaws):
     """The acceptor."""
 
-    measured = {"disagreement": ()}
+    measured: ClassVar[dict[str, tuple[str, ...]]] = {"disagreement": ()}
 
     def make_acceptor(self) -> Acceptor:
         return beacons.FirstOne()
@@ -112,10 +131,71 @@ class FirstOneLaws(AcceptorLaws):
 class AtMostLaws(VerifierLaws):
     """The verifier."""
 
-    measured = {"disagreement": ()}
+    measured: ClassVar[dict[str, tuple[str, ...]]] = {"disagreement": ()}
 
     def make_verifier(self) -> Verifier:
         return beacons.AtMost(limit=0.5, confirm_after=3)
+
+
+class Marks(beacons.Beacons):
+    """Beacons by another name."""
+
+    name = "marks"
+
+    def new_layer(self):
+        return beacons.Heard(map_type=self.name)
+
+    def view(self, own, contributions=(), previous=None, touched=None):
+        return dataclasses.replace(super().view(own, contributions, previous, touched), map_type=self.name)
+
+    def place(self, layer, T_receiver_donor, scale=1.0):
+        return dataclasses.replace(super().place(layer, T_receiver_donor, scale), map_type=self.name)
+
+    def decode(self, data):
+        return dataclasses.replace(super().decode(data), map_type=self.name)
+
+    def metadata(self, layer):
+        return dataclasses.replace(super().metadata(layer), type=self.name)
+
+
+class ToMarks:
+    """Beacons as marks."""
+
+    def convert(self, layer, target):
+        if not isinstance(layer, beacons.Heard) or target.name != Marks.name:
+            raise MapError(f"beacons become marks, asked was {layer.map_type} to {target.name}")
+        made = target.new_layer()
+        made.counts.update(layer.evidence())
+        return made
+
+    def region(self, region, target):
+        return region
+
+
+class ToMarksLaws(OnALine, ConversionLaws):
+    """The conversion."""
+
+    def make_conversion(self) -> Conversion:
+        return ToMarks()
+
+    def make_target(self) -> MapType:
+        return Marks()
+
+
+class Regular:
+    """A policy: everybody meets every hundred seconds."""
+
+    def due(self, situation: Situation) -> list[Meeting]:
+        step = 100 * 10**9
+        first = situation.previous_ns // step + 1
+        return [Meeting(n * step) for n in range(first, situation.now_ns // step + 1)]
+
+
+class RegularLaws(PolicyLaws):
+    """The policy."""
+
+    def make_policy(self) -> Policy:
+        return Regular()
 
 
 ALL = (
@@ -126,4 +206,6 @@ ALL = (
     DisagreementLaws,
     FirstOneLaws,
     AtMostLaws,
+    ToMarksLaws,
+    RegularLaws,
 )

@@ -36,6 +36,7 @@ from mapgraft.testing.laws import (
     laws_of,
     require,
 )
+from mapgraft.testing.listing import PluginLaws
 from mapgraft.testing.map_types import MapTypeLaws
 from mapgraft.testing.matchers import MatcherLaws
 from mapgraft.testing.metrics import MetricLaws
@@ -58,6 +59,7 @@ __all__ = [
     "MatcherLaws",
     "MetricLaws",
     "NotTriedError",
+    "PluginLaws",
     "PolicyLaws",
     "Room",
     "Scene",

@@ -6,6 +6,7 @@ import importlib
 import importlib.util
 import inspect
 import json
+import os
 import subprocess
 import sys
 from typing import ClassVar, Final
@@ -45,7 +46,8 @@ class PluginLaws(Laws):
     @law("listing the plugin imports nothing of what it offers, nor what that requires")
     def test_listing_imports_none_of_it(self, drawing: Drawing) -> None:
         command = [sys.executable, "-c", _LIST, self.module]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_LONGEST_S, check=False)
+        here = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        done = subprocess.run(command, capture_output=True, text=True, env=here, timeout=_LONGEST_S, check=False)
         require(done.returncode == 0, f"it cannot be listed: {(done.stderr.splitlines() or ['?'])[-1]}")
         imported = set(json.loads(done.stdout.splitlines()[-1]))
         behind = {offered.descriptor.factory.partition(":")[0] for offered in self._offered()} - {self.module}

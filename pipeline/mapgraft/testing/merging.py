@@ -60,11 +60,11 @@ class Mission:
 
     def alone(self) -> Layer:
         """The layer of a robot that observed the same and never merged."""
-        return layer_of(self.map_type, self.seen)
+        return layer_of(self.supply.make_map_type(), self.seen)
 
     def fresh(self) -> Map:
-        """The map of the layers that are left, made anew."""
-        return self.map_type.view(self.alone(), tuple(self.standing.values()))
+        """The map of the layers that are left, made anew by somebody who has not seen what happened."""
+        return self.supply.make_map_type().view(self.alone(), tuple(self.standing.values()))
 
 
 class MergingLaws(Supply):

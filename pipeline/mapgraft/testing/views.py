@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,8 +14,19 @@ from mapgraft.testing.laws import BrokenLawError, Drawing, law, require
 from mapgraft.testing.scenes import describe, moved
 from mapgraft.testing.supply import Supply, contributed, layer_of, require_moved, require_same_map, scene_of
 
+if TYPE_CHECKING:
+    from mapgraft.outputs.messages import MessageEncoder
+
 _TOPIC = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*")
 _STAMP_NS = 1_600_000_000_000_000_000
+
+
+@cache
+def _encoder() -> MessageEncoder:
+    """One for all examples: it reads the definitions of all messages."""
+    from mapgraft.outputs.messages import MessageEncoder
+
+    return MessageEncoder()
 
 
 class ViewLaws(Supply):
@@ -109,10 +122,7 @@ class ViewLaws(Supply):
 
     @law("messages are ROS 2 messages of known types, with topics that ROS takes")
     def test_messages_encode(self, drawing: Drawing) -> None:
-        from mapgraft.outputs.messages import MessageEncoder
-
-        map_type, scene = self.make_map_type(), scene_of(self, drawing)
-        encoder = MessageEncoder()
+        map_type, scene, encoder = self.make_map_type(), scene_of(self, drawing), _encoder()
         for layer in (layer_of(map_type, scene.own), map_type.new_layer()):
             for message in map_type.messages(map_type.view(layer)):
                 legal = _TOPIC.fullmatch(message.suffix)
