@@ -20,6 +20,7 @@ _CURVE_STEPS: Final = 16
 _ROUND_STEPS: Final = 48
 _TOKEN: Final = re.compile(r"[A-Za-z]|[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 _NUMBER: Final = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+_TRANSFORM: Final = re.compile(r"[\s,]*(?:[a-zA-Z]+\s*\([^()]*\)[\s,]*)+")
 _STRAIGHT: Final = frozenset("MmLlHhVvZz")
 
 
@@ -48,6 +49,8 @@ def affine_of(text: str, name: str) -> Affine:
     from svgelements import Matrix
 
     try:
+        if not _TRANSFORM.fullmatch(text):
+            raise ValueError("no list of translate(…), rotate(…), …")
         m = Matrix(text)
         out = np.array([[m.a, m.c, float(m.e)], [m.b, m.d, float(m.f)], [0.0, 0.0, 1.0]], np.float64)
     except (ValueError, TypeError, IndexError, AttributeError) as fault:
