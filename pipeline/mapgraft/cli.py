@@ -273,6 +273,18 @@ def plugins_check(
     check_plugin(name, as_json=json, examples=examples)
 
 
+@plugins_app.command("new")
+def plugins_new(
+    name: Annotated[str, typer.Argument(help="The new plugin's name: lower-case letters, digits and '_'.")],
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder to write to; mapgraft-NAME here.")] = None,
+    debug: Debug = False,
+) -> None:
+    """Write a package with a map type, a fuser, a metric, a rule and their tests, ready to be edited."""
+    from mapgraft.commands.plugins_new import new_plugin
+
+    new_plugin(name, out)
+
+
 def main() -> None:
     """The entry point of the command ``mapgraft``."""
     code = invoke(sys.argv[1:])

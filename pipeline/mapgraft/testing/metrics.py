@@ -103,7 +103,6 @@ class MetricLaws(Supply):
         merged, metric = self._merged(drawing, scene), self.make_metric()
         tracker, replayed = metric.track(merged.comparison), metric.track(merged.comparison)
         latest = tracker.update(Step())
-        replayed.update(Step())
         regions, seen = [], (*scene.own[1:], scene.own[0])
         for n, observation in enumerate(seen, start=1):
             regions.append(merged.observe(observation))
