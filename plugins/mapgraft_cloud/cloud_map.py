@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft.contracts import Map, MapError, Points
+from mapgraft.contracts import Map, MapError, Points, Transform
 from mapgraft_cloud.kernels import viewing
 from mapgraft_cloud.kernels.block_keys import BLOCK, KEY_BITS
 from mapgraft_cloud.kernels.placing import STEPS
@@ -16,6 +16,7 @@ from mapgraft_cloud.parameters import NAME, Thresholds
 from mapgraft_cloud.region import BlockKeys, VoxelRegion, Voxels, voxels_of
 
 if TYPE_CHECKING:
+    from mapgraft_cloud.agreement import Agreement
     from mapgraft_cloud.surface import Surface
 
 GROUND_BITS: Final = (1 << (2 * KEY_BITS)) - 1  # of a block's key: its x and y
@@ -40,6 +41,7 @@ class CloudMap:
         self.keys, self.log_odds, self.offsets = keys, log_odds, offsets
         for array in (keys, log_odds, offsets):
             array.setflags(write=False)
+        self._agreed: dict[bool, tuple[CloudMap, Agreement]] = {}
 
     @property
     def map_type(self) -> str:
@@ -112,6 +114,15 @@ class CloudMap:
         seen = np.zeros((grounds.size, BLOCK * BLOCK), np.bool_)
         np.logical_or.at(seen, block.ravel(), columns)
         return int(seen.sum()) * self.voxel_m**2
+
+    def agreed(self, donor: CloudMap, walls_only: bool) -> Agreement:
+        """How it agrees with a map that lies in its frame; kept for the last one, because several metrics ask."""
+        from mapgraft_cloud.agreement import agreement
+
+        known = self._agreed.get(walls_only)
+        if known is None or known[0] is not donor:
+            known = self._agreed[walls_only] = (donor, agreement(self, donor, Transform.identity(), walls_only))
+        return known[1]
 
     @cached_property
     def surface(self) -> Surface:

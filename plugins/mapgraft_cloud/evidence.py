@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from mapgraft.contracts import Comparison, ConfigError, Measurement, Step, Transform
-from mapgraft_cloud.agreement import Agreement, agreement
+from mapgraft.contracts import Comparison, ConfigError, Measurement, Step
+from mapgraft_cloud.agreement import Agreement
 from mapgraft_cloud.cloud_map import as_map
 from mapgraft_cloud.surface import SPACING_M
 
@@ -54,7 +54,7 @@ class Anew:
 
     def update(self, step: Step) -> Measurement:
         own, donor = as_map(self._comparison.target), as_map(self._comparison.donor)
-        found = agreement(own, donor, Transform.identity(), self._aligned)
+        found = own.agreed(donor, self._aligned)
         return self._measure(found, own.has_free_space or donor.has_free_space)
 
 

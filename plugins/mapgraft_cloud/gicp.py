@@ -55,8 +55,9 @@ class Gicp:
     ``aligned``: both maps' z axes point up, so that only x, y, z and yaw are open; floors and ceilings then do not
     count in the score, because they agree everywhere. The score is in square metres of surface: what both maps have,
     less twice what the other saw through (``seen_through_m2``). Evidence: ``inliers`` and their mean ``residual_m``,
-    ``shared_m2``, ``overlap`` (the shared part of what both looked at), ``sigma_m`` and ``sigma_yaw_rad`` from the
-    covariance, and ``prior_score``. The covariance is the inverse Hessian of the last round, scaled by the residuals.
+    ``shared_m2``, ``overlap`` (the shared part of what both looked at), ``lead`` (the margin as a share of the score),
+    ``sigma_m`` and ``sigma_yaw_rad`` from the covariance, and ``prior_score``. The covariance is the inverse Hessian of
+    the last run, scaled by the residuals.
 
     A second hypothesis comes from the prior shifted along and across by its own uncertainty, where that leads to
     another place. Source: K. Koide, small_gicp (JOSS 2024).
@@ -79,7 +80,7 @@ def around_prior(pair: Pair, prior: Prior) -> list[Match]:
     scored = agreement(pair.target, pair.source, T, pair.aligned).score_m2
     sigma = np.sqrt(np.maximum(np.diag(np.asarray(prior.covariance, np.float64)), 0.0))
     starts = [T, *(_shifted(T, sigma, direction) for direction in ((1, 0), (-1, 0), (0, 1), (0, -1)))]
-    refined = [one for start in starts if (one := refine(pair, start)) is not None]
+    refined = [one for start in dict.fromkeys(starts) if (one := refine(pair, start)) is not None]
     return as_matches(distinct(pair, refined), {"prior_score": scored})
 
 
@@ -248,7 +249,8 @@ def as_matches(found: Sequence[Refined], evidence: dict[str, float] | None = Non
     for k, one in enumerate(found):
         rivals = scores[:k] + scores[k + 1 :]
         margin = scores[k] - max(rivals) if rivals else math.inf
-        said = {**one.evidence, **(evidence or {})}
+        lead = 0.0 if scores[k] <= 0.0 else 1.0 - max(0.0, *rivals, -1.0) / scores[k]
+        said = {**one.evidence, "lead": max(0.0, lead), **(evidence or {})}
         matches.append(Match(one.T, scores[k], margin, covariance=one.covariance, evidence=said))
     return matches
 

@@ -146,9 +146,11 @@ def main() -> None:
     parser.add_argument("-n", "--buildings", type=int, default=36)
     parser.add_argument("-o", "--output", type=Path, help="JSON file for all hypotheses")
     given = parser.parse_args()
-    rows = list(measure(given.buildings))
-    if given.output is not None:
-        given.output.write_text(json.dumps([asdict(row) for row in rows]), encoding="utf-8")
+    rows: list[Row] = []
+    for row in measure(given.buildings):
+        rows.append(row)
+        if given.output is not None:
+            given.output.write_text(json.dumps([asdict(row) for row in rows]), encoding="utf-8")
     print("\n".join(told(rows)))
 
 
