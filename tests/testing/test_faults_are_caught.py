@@ -28,13 +28,13 @@ def test_every_law_has_its_fault() -> None:
 @pytest.mark.parametrize(("kind", "law"), faults.FAULTS, ids=name_of)
 def test_the_right_law_breaks(kind: type, law: str) -> None:
     (meant,) = [one for one in laws_of(kind) if one.name == law]
-    finding = examine(faults.faulty_laws(kind, law, examples=80), meant)
-    assert finding.status == "broken", finding
-    assert finding.sentence and "\n" not in finding.sentence
+    outcome = examine(faults.faulty_laws(kind, law, examples=80), meant)
+    assert outcome.status == "broken", outcome
+    assert outcome.sentence and "\n" not in outcome.sentence
 
 
 @pytest.mark.parametrize(("kind", "law"), faults.FAULTS, ids=name_of)
 def test_only_what_has_to_do_with_it_breaks_along(kind: type, law: str) -> None:
     subject, (_, along) = faults.faulty_laws(kind, law, BYSTANDERS), faults.FAULTS[kind, law]
     others = [one for one in laws_of(kind) if one.name != law and one.name not in along]
-    assert {one.name: finding.sentence for one in others if (finding := examine(subject, one)).status == "broken"} == {}
+    assert {one.name: outcome.sentence for one in others if (outcome := examine(subject, one)).status == "broken"} == {}

@@ -38,8 +38,8 @@ def laws_for(name: str) -> PluginLaws:
 @pytest.mark.parametrize("module", OWN)
 @pytest.mark.parametrize("law", list(laws_of(PluginLaws)), ids=lambda law: law.name)
 def test_ours_keep_them(module: str, law) -> None:
-    finding = examine(laws_for(module), law)
-    assert finding.status == "kept", finding.sentence
+    outcome = examine(laws_for(module), law)
+    assert outcome.status == "kept", outcome.sentence
 
 
 @pytest.mark.parametrize("broken", [None, *FAULTS])

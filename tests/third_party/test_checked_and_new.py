@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -88,7 +89,7 @@ def test_a_new_package_is_found_and_checked(installed_package: Path, mapgraft: R
     said = json.loads(done.stdout)
     assert said["counts"]["broken"] == 0
     assert said["counts"]["kept"] > 45
-    assert {row["thing"].split(",")[0] for row in said["findings"]} == {
+    assert {row["thing"].split(",")[0] for row in said["outcomes"]} == {
         f"plugin {NAME}",
         f"map type {NAME}",
         f"fuser {NAME}_sum",
@@ -131,10 +132,10 @@ def test_a_broken_law_is_told_with_its_counterexample(lay_out: Place, mapgraft: 
     done = mapgraft(["plugins", "check", "stale_gain", "--examples", "3"], [lay_out("stale_gain", text)])
     assert done.returncode == 1, done.stderr
     assert "broken           an updated tracker equals a fresh measurement" in done.stdout
-    assert "an_updated_tracker_equals_a_fresh_one: after 1 observation(s) it measures" in done.stdout
+    assert re.search(r"an_updated_tracker_equals_a_fresh_one: after \d observation\(s\) it measures", done.stdout)
     assert "[scene a room of" in done.stdout
     assert "kept             a measurement is what it says" in done.stdout
-    assert done.stdout.splitlines()[-1] == "9 kept, 1 broken, 1 not tried"
+    assert done.stdout.splitlines()[-1] == "8 kept, 2 broken, 1 not tried"  # nor does it see a changed donor
 
 
 def test_a_good_metric_passes(lay_out: Place, mapgraft: Run) -> None:
@@ -143,13 +144,13 @@ def test_a_good_metric_passes(lay_out: Place, mapgraft: Run) -> None:
     assert done.returncode == 0, done.stdout
     said = json.loads(done.stdout)
     assert said["counts"] == {"kept": 10, "broken": 0, "kept unexpectedly": 0, "expected failure": 0, "not tried": 1}
-    (untried,) = [row for row in said["findings"] if row["status"] == "not tried"]
+    (untried,) = [row for row in said["outcomes"] if row["status"] == "not tried"]
     assert untried["law"] == "concerns_are_honest" and untried["why"] == "its trackers are not local"
 
 
 def test_what_cannot_be_tried_says_why(lay_out: Place, mapgraft: Run) -> None:
     done = mapgraft(["plugins", "check", "undriven", "--json"], [lay_out("undriven", UNDRIVEN)])
-    said = {row["thing"]: row["why"] for row in json.loads(done.stdout)["findings"] if row["status"] == "not tried"}
+    said = {row["thing"]: row["why"] for row in json.loads(done.stdout)["outcomes"] if row["status"] == "not tried"}
     assert "odours observes smell" in said["map type odours"]
     assert "(Descriptor.laws)" in said["matcher sniff"]
     assert said["matcher snort"] == "needs no_such_nose: pip install 'mapgraft-undriven[nose]'"

@@ -13,7 +13,7 @@ from mapgraft.plugins import load_plugins
 
 if TYPE_CHECKING:
     from mapgraft.testing.checking import Case
-    from mapgraft.testing.laws import Finding
+    from mapgraft.testing.laws import Outcome
 
 _STYLES = {"kept": "green", "broken": "red", "kept unexpectedly": "red", "expected failure": "yellow"}
 _ORDER = ("kept", "broken", "kept unexpectedly", "expected failure", "not tried")
@@ -27,31 +27,31 @@ def check_plugin(name: str, *, as_json: bool, examples: int | None) -> None:
     from mapgraft.testing.checking import broken, cases_of
 
     plugins = load_plugins()
-    findings: list[Finding] = []
+    outcomes: list[Outcome] = []
     rows: list[dict[str, str]] = []
     for case in cases_of(plugins, name, examples):
         if not as_json:
             _head(case)
         if case.subject is None:
             rows.append({"thing": case.title, "law": "", "says": "", "status": "not tried", "why": case.reason})
-        for finding in case.findings():
-            findings.append(finding)
-            rows.append(_row(case, finding))
+        for outcome in case.outcomes():
+            outcomes.append(outcome)
+            rows.append(_row(case, outcome))
             if not as_json:
-                _line(finding)
+                _line(outcome)
     counts = Counter(row["status"] for row in rows)
     if as_json:
-        print_json({"name": name, "findings": rows, "counts": {status: counts[status] for status in _ORDER}})
+        print_json({"name": name, "outcomes": rows, "counts": {status: counts[status] for status in _ORDER}})
     else:
         results().print("\n" + ", ".join(f"{counts[status]} {status}" for status in _ORDER if counts[status]))
-    if broken(findings):
+    if broken(outcomes):
         raise typer.Exit(1)
 
 
-def _row(case: Case, finding: Finding) -> dict[str, str]:
-    law = finding.law
+def _row(case: Case, outcome: Outcome) -> dict[str, str]:
+    law = outcome.law
     return {
-        "thing": case.title, "law": law.name, "says": law.sentence, "status": finding.status, "why": finding.sentence
+        "thing": case.title, "law": law.name, "says": law.sentence, "status": outcome.status, "why": outcome.sentence
     }  # fmt: skip
 
 
@@ -62,12 +62,12 @@ def _head(case: Case) -> None:
         console.print(cell(f"  not tried        {case.reason}"), soft_wrap=True)
 
 
-def _line(finding: Finding) -> None:
-    for text, style in _texts(finding):
+def _line(outcome: Outcome) -> None:
+    for text, style in _texts(outcome):
         results().print(cell(text), style=style, soft_wrap=True)
 
 
-def _texts(finding: Finding) -> Iterator[tuple[str, Any]]:
-    yield f"  {finding.status:<16} {finding.law.sentence}", _STYLES.get(finding.status)
-    if finding.sentence:
-        yield f"  {'':<16} └ {finding.law.name}: {finding.sentence}", None
+def _texts(outcome: Outcome) -> Iterator[tuple[str, Any]]:
+    yield f"  {outcome.status:<16} {outcome.law.sentence}", _STYLES.get(outcome.status)
+    if outcome.sentence:
+        yield f"  {'':<16} └ {outcome.law.name}: {outcome.sentence}", None

@@ -27,7 +27,7 @@ from mapgraft.testing.judging import AcceptorLaws, PolicyLaws, VerifierLaws
 from mapgraft.testing.laws import (
     BrokenLawError,
     Drawing,
-    Finding,
+    Outcome,
     Law,
     Laws,
     NotTriedError,
@@ -51,7 +51,7 @@ __all__ = [
     "BrokenLawError",
     "ConversionLaws",
     "Drawing",
-    "Finding",
+    "Outcome",
     "FuserLaws",
     "Law",
     "Laws",

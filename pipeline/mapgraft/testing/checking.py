@@ -14,7 +14,7 @@ from mapgraft.plugins import GROUP, Offered, PluginKind, Plugins
 from mapgraft.testing.conversions import ConversionLaws
 from mapgraft.testing.fusers import FuserLaws
 from mapgraft.testing.judging import AcceptorLaws, PolicyLaws, VerifierLaws
-from mapgraft.testing.laws import Finding, Law, Laws, NotTriedError, examine, laws_of
+from mapgraft.testing.laws import Outcome, Law, Laws, NotTriedError, examine, laws_of
 from mapgraft.testing.listing import PluginLaws
 from mapgraft.testing.map_types import MapTypeLaws
 from mapgraft.testing.matchers import MatcherLaws
@@ -36,7 +36,7 @@ class Case:
     subject: Laws | None = None
     reason: str = ""
 
-    def findings(self) -> Iterator[Finding]:
+    def outcomes(self) -> Iterator[Outcome]:
         """What comes of each law, one by one."""
         if self.subject is not None:
             for one in self.laws:
@@ -235,12 +235,12 @@ def _maker(plugins: Plugins, offered: Offered) -> Callable[[Laws], object]:
     return lambda self: plugins.make(offered.kind, offered.descriptor.name)
 
 
-def _try(subject: Laws, name: str) -> Finding:
+def _try(subject: Laws, name: str) -> Outcome:
     (one,) = [one for one in laws_of(subject) if one.name == name]
     try:
         return examine(subject, one)
     except MapgraftError as error:
-        return Finding(one, "not tried", str(error), error)
+        return Outcome(one, "not tried", str(error), error)
 
 
 _Driver = Callable[[Plugins, Offered, str, int | None], Iterator[Case]]
@@ -256,6 +256,6 @@ _DRIVERS: Final[dict[PluginKind, _Driver]] = {
 }
 
 
-def broken(findings: Sequence[Finding]) -> bool:
+def broken(outcomes: Sequence[Outcome]) -> bool:
     """Whether anything is not as it should be."""
-    return any(finding.status in ("broken", "kept unexpectedly") for finding in findings)
+    return any(outcome.status in ("broken", "kept unexpectedly") for outcome in outcomes)

@@ -68,7 +68,7 @@ class Law:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Outcome:
     """What came of one law; ``sentence`` says why, or what the smallest counterexample is."""
 
     law: Law
@@ -134,24 +134,24 @@ def require(holds: object, clause: str | Callable[[], str]) -> None:
         raise BrokenLawError(clause if isinstance(clause, str) else clause())
 
 
-def examine(laws: Laws, law: Law) -> Finding:
+def examine(laws: Laws, law: Law) -> Outcome:
     """Try the law on many examples; nothing that the plugin does wrong is raised."""
     reason = laws.expected_failures.get(law.name)
     example = Example()
     error = _first_failure(laws, law, example)
     if isinstance(error, NotTriedError):
-        return Finding(law, "not tried", str(error), error)
+        return Outcome(law, "not tried", str(error), error)
     if isinstance(error, Unsatisfiable):
-        return Finding(law, "not tried", law.vacuous or "no example could be made that has anything to examine", error)
+        return Outcome(law, "not tried", law.vacuous or "no example could be made that has anything to examine", error)
     if error is not None:
         if reason is not None:
-            return Finding(law, "expected failure", reason, error)
-        return Finding(law, "broken", _counterexample(error, example), error)
+            return Outcome(law, "expected failure", reason, error)
+        return Outcome(law, "broken", _counterexample(error, example), error)
     if reason is not None:
-        return Finding(law, "kept unexpectedly", f"it was declared an expected failure ({reason}): drop that")
+        return Outcome(law, "kept unexpectedly", f"it was declared an expected failure ({reason}): drop that")
     if law.vacuous and not example.reached:
-        return Finding(law, "not tried", law.vacuous)
-    return Finding(law, "kept")
+        return Outcome(law, "not tried", law.vacuous)
+    return Outcome(law, "kept")
 
 
 def tell_pytest(laws: Laws, law: Law) -> None:
@@ -160,13 +160,13 @@ def tell_pytest(laws: Laws, law: Law) -> None:
 
     __tracebackhide__ = True
     list(laws_of(laws))
-    finding = examine(laws, law)
-    if finding.status == "not tried":
-        pytest.skip(finding.sentence)
-    if finding.status == "expected failure":
-        pytest.xfail(finding.sentence)
-    if finding.status != "kept":
-        raise AssertionError(f"{law.sentence}: {finding.sentence}") from finding.error
+    outcome = examine(laws, law)
+    if outcome.status == "not tried":
+        pytest.skip(outcome.sentence)
+    if outcome.status == "expected failure":
+        pytest.xfail(outcome.sentence)
+    if outcome.status != "kept":
+        raise AssertionError(f"{law.sentence}: {outcome.sentence}") from outcome.error
 
 
 def _first_failure(laws: Laws, law: Law, example: Example) -> BaseException | None:

@@ -79,6 +79,9 @@ class MetricLaws(Supply):
         require(found.support > 0 or math.isnan(found.value), f"without any support its value is {found.value:g}")
         wrong = [name for name, value in found.details.items() if not isinstance(value, float)]
         require(not wrong, f"its details {wrong} are no floats")
+        ends = [at for single in found.findings for at in (single.start_m, single.end_m)]
+        placed = all(len(at) == 3 and all(map(math.isfinite, at)) for at in ends)
+        require(placed, "what it found lies at no place: start_m and end_m must be three finite numbers")
 
     @law("measuring writes neither layers nor maps, and equal maps give equal measurements")
     def test_measuring_is_pure(self, drawing: Drawing) -> None:
