@@ -9,6 +9,8 @@ from mapgraft_grid.map_type import OccupancyGrid
 
 
 class TestGridsFromScans(MapTypeLaws):
+    examples = 12
+
     def make_map_type(self) -> MapType:
         return OccupancyGrid(resolution_m=0.1)
 

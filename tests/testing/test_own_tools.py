@@ -17,6 +17,8 @@ PLUGINS = load_plugins()
 
 
 class Grids(Supply):
+    examples = 6
+
     def make_map_type(self) -> MapType:
         return OccupancyGrid(resolution_m=0.1)
 

@@ -14,7 +14,7 @@ from mapgraft.plugins import GROUP, Offered, PluginKind, Plugins
 from mapgraft.testing.conversions import ConversionLaws
 from mapgraft.testing.fusers import FuserLaws
 from mapgraft.testing.judging import AcceptorLaws, PolicyLaws, VerifierLaws
-from mapgraft.testing.laws import Outcome, Law, Laws, NotTriedError, examine, laws_of
+from mapgraft.testing.laws import Law, Laws, NotTriedError, Outcome, examine, laws_of
 from mapgraft.testing.listing import PluginLaws
 from mapgraft.testing.map_types import MapTypeLaws
 from mapgraft.testing.matchers import MatcherLaws
