@@ -42,10 +42,11 @@ class LineAssociation:
     best 12, every pair of walls that then run alike votes for the shifts under which they lie on each other; shifts on
     which pairs of more than one direction agree collect most. The best are aligned by least squares across the walls,
     and compared with all there is: the score is the length of wall, of both maps, that the other explains (less, the
-    more it is off; none beyond 0.25 m), minus ``against`` times the length that stands in the other's free space. In
-    metres, so that placements of the same two maps can be compared. The best ``returned`` come back; two of them differ
-    by more than 10° or by more than 2.5 m where the source's walls are. Never a reflection. A prior restricts the
-    search to 3.5 of its standard deviations and a little more.
+    more it is off, none beyond 0.25 m; of a wall of length l that counts 2 m · log(1 + l / 2 m)), minus ``against``
+    times the length that stands in the other's free space. In metres, so that placements of the same two maps can be
+    compared. The best ``returned`` come back; two of them differ by more than 10° or by more than 2.5 m where the
+    source's walls are. Never a reflection. A prior restricts the search to 3.5 of its standard deviations and a little
+    more.
 
     Evidence: ``explained_m`` and ``against_m`` (both maps together), ``explained_target`` and ``explained_source`` (the
     share of the walls of either that the other explains), ``residual_m``, ``pairs`` and ``inlier_m`` (overlaps of walls
@@ -53,11 +54,11 @@ class LineAssociation:
     best score or more); with a prior ``prior_score``; ``sigma_max_m``, ``degenerate_dir_rad`` and ``degenerate``
     as ``correlation`` tells them: 1 when along some direction nothing tells the shift better than 0.25 m.
 
-    Source: the Hough voting of line maps after R. Lakaemper, L. J. Latecki and D. Wolter, Incremental multi-robot
-    mapping, IROS 2005, with votes by overlap.
+    Source: maps of segments brought together by which correspond, as in R. Lakaemper, L. J. Latecki and D. Wolter,
+    Incremental multi-robot mapping, IROS 2005; votes by overlap are this project's own.
     """
 
-    def __init__(self, *, returned: int = 4, against: float = 1.5) -> None:
+    def __init__(self, *, returned: int = 4, against: float = 3.0) -> None:
         if isinstance(returned, bool) or not isinstance(returned, int) or returned < 2:
             raise ConfigError(f"line_association needs a whole number returned >= 2, found {returned!r}")
         if not 0.0 <= against <= 100.0:

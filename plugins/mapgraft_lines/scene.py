@@ -21,7 +21,8 @@ Poses = NDArray[np.float64]  # (k, 3) x, y (m), yaw (rad) of T_target_source bet
 
 class Scene(NamedTuple):
     """Walls (n, 4) x0, y0, x1, y1 about ``centre_m`` with the side seen (``faced``), their variance across (m²), and
-    the free cells far from walls (``deep``, whose [0, 0] has its corner at ``origin`` cells from the centre).
+    the cells that are free with all around them (``deep``, whose [0, 0] has its corner at ``origin`` cells from the
+    centre).
     """
 
     ends: NDArray[np.float64]

@@ -19,7 +19,7 @@ from mapgraft_lines.table import Table
 
 SegmentPoints = NDArray[np.float64]  # (n, 2, 2) segment, end, (x, y) in metres
 
-MOST_PIECES: Final = 20_000_000  # of a layer: 1.6 GB of rows while they are summed
+MOST_PIECES: Final = 6_000_000  # of a layer: 1 GB of rows while they are summed
 FINEST_SIGMA_M: Final = 1e-4
 COARSEST_SIGMA_M: Final = 1.0
 MOST_LOOKS: Final = 1 << 20  # of one segment
@@ -45,7 +45,7 @@ def from_segments(
     second, is open space (one or (n,)); False where nobody knows. ``looks`` is how many observations each stands for.
     ``free_m`` (k, 2) are places that are known to be free, each telling of the whole cell it lies in, ``free_looks``
     times. Segments without length are left out. Raises MapError when the type is another one, a number is not finite,
-    a segment lies out of reach, or there would be more than 20 million pieces.
+    a segment lies out of reach, or there would be more than 6 million pieces.
     """
     layer = map_type.new_layer()
     if not isinstance(layer, LineLayer):

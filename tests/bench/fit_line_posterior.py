@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,7 +36,7 @@ from mapgraft_lines.map_type import LineSegments
 from mapgraft_recordings.buildings import KINDS, building, drive
 
 SEED = 20_261_500
-GROUPS, BUILDINGS, PAIRS = 6, 12, 240
+GROUPS, BUILDINGS, PAIRS = 6, 10, 120
 WINDOWS = (20, 30, 30, 45, 70, 140)  # scans, one for each group
 RESOLUTIONS_M = (0.05, 0.07, 0.1)  # of the grids
 RIDGE = 3.0
@@ -71,6 +72,10 @@ def examples_of(group: int) -> Iterator[Example]:
         example = example_of(group, build(plan, lines, lines), matcher)
         if example is not None:
             yield example
+
+
+def all_examples(group: int) -> list[Example]:
+    return list(examples_of(group))
 
 
 def example_of(group: int, pair: Pair, matcher: LineAssociation) -> Example | None:
@@ -152,11 +157,13 @@ def tell(examples: Sequence[Example], names: Sequence[str]) -> dict[str, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true", help="put the model into the package")
-    write = parser.parse_args().write
-    examples = []
-    for group in range(GROUPS):
-        examples += examples_of(group)
-        print(f"group {group}: {len(examples)} examples, {sum(e.right for e in examples)} right", flush=True)
+    parser.add_argument("--jobs", type=int, default=1, help="processes to share the groups")
+    given = parser.parse_args()
+    write, examples = given.write, list[Example]()
+    with ProcessPoolExecutor(given.jobs) as pool:
+        for group, some in enumerate(pool.map(all_examples, range(GROUPS))):
+            examples += some
+            print(f"group {group}: {len(examples)} examples, {sum(e.right for e in examples)} right", flush=True)
     models = []
     for names in FEATURES:
         some = [example for example in examples if example.features.keys() >= set(names)]

@@ -24,7 +24,7 @@ class Explained:
 class Contradiction:
     """The share of the walls that stand in the other map's free space, of those that are explained or do so.
 
-    Free is what beams went through, no nearer to a wall than a cell; so a map without free space (a plan, a file of
+    Free is what beams went through, and all around it, too; so a map without free space (a plan, a file of
     segments) contradicts nothing. NaN where nothing is explained or against; the support is the length of what is, in
     pieces of 0.1 m. Details as ``line_explained``.
     """

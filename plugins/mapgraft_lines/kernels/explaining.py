@@ -9,8 +9,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 STEP_M = 0.1  # walls are looked at in pieces about as long
+LONG_M = 2.0  # of one wall: what is much longer tells little more
 _SLACK_M = 0.1  # a wall explains a little beyond its ends
-FREE = 1  # of ``deep``: free, and no wall beside
+FREE = 1  # of ``deep``: free, and all around
 EXPLAINED, FULL, AGAINST, SQUARES, LENGTH = range(5)
 
 
@@ -71,10 +72,11 @@ def explained(
 ) -> NDArray[np.float64]:
     """What becomes of ``walls`` (n, 4) among ``others`` (m, 4) of the same frame: (5,) in metres.
 
-    ``EXPLAINED`` each piece less the more it is off, ``FULL`` every piece within ``across_m`` of a wall that runs as it
-    does, the same side seen where both know it; ``AGAINST`` what lies in the other map's free space (``deep`` (h, w),
-    ``origin`` its corner in cells) and near no such wall; ``SQUARES`` Σ distance² · length of what is explained (m³);
-    ``LENGTH`` all.
+    ``FULL`` is every piece within ``across_m`` of a wall that runs as it does, the same side seen where both know it;
+    ``EXPLAINED`` the same, each piece less the more it is off, and each wall less the longer it is: of the length l it
+    counts 2 m · log(1 + l / 2 m), because one long line agrees with another as easily as a short one does; ``AGAINST``
+    what lies in the other map's free space (``deep`` (h, w), ``origin`` its corner in cells) and near no such wall;
+    ``SQUARES`` Σ distance² · length of what is explained (m³); ``LENGTH`` all.
     """
     out = np.zeros(5)
     height, width = deep.shape
@@ -91,10 +93,11 @@ def explained(
             room = np.empty(2 * pieces)
         best = room[:pieces]
         _distances(x0, y0, c, s, length, faced[i], others, others_faced, across_m, turn_cosine, best)
+        told = 0.0
         for k in range(pieces):
             if best[k] < across_m:
                 share = best[k] / across_m
-                out[EXPLAINED] += step * (1.0 - share * share)
+                told += step * (1.0 - share * share)
                 out[FULL] += step
                 out[SQUARES] += step * best[k] * best[k]
             else:
@@ -102,6 +105,7 @@ def explained(
                 y = math.floor((y0 + (k + 0.5) * step * s) / cell_m - origin[1])
                 if 0 <= x < width and 0 <= y < height and deep[y, x] == FREE:
                     out[AGAINST] += step
+        out[EXPLAINED] += LONG_M * math.log1p(told / LONG_M)
         out[LENGTH] += length
     return out
 
@@ -192,16 +196,17 @@ def both_ways(
 
 @njit(cache=True)
 def deep_free(classes: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Where cells (h, w) are free with no wall among their eight neighbours: 1, elsewhere 0 (2 is a wall)."""
+    """Where cells (h, w) and all their eight neighbours are free: 1, elsewhere 0.
+
+    At the edge of what beams went through there may be a wall that nobody has made out, as along a corridor.
+    """
     height, width = classes.shape
     out = np.zeros((height, width), np.uint8)
-    for y in range(height):
-        for x in range(width):
-            if classes[y, x] != FREE:
-                continue
-            beside = False
-            for j in range(max(y - 1, 0), min(y + 2, height)):
-                for i in range(max(x - 1, 0), min(x + 2, width)):
-                    beside = beside or classes[j, i] == 2
-            out[y, x] = 0 if beside else FREE
+    for y in range(1, height - 1):
+        for x in range(1, width - 1):
+            free = True
+            for j in range(y - 1, y + 2):
+                for i in range(x - 1, x + 2):
+                    free = free and classes[j, i] == FREE
+            out[y, x] = FREE if free else 0
     return out
