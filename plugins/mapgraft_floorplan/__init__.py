@@ -1,4 +1,4 @@
-"""Floor plans: the map type, its formats, conversions, matcher, fuser, metrics and rules; nothing is imported unasked."""
+"""Floor plans: map type, formats, conversions, matcher, fuser, metrics and rules; nothing is imported unasked."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ _EXTRA: Final = "floorplan"
 _METRICS: Final = {
     "plan_posterior": ("PlanPosterior", "probability that a plan lies where a match puts it"),
     "plan_agreement": ("PlanAgreement", "share of the plan's walls that the robot has, of those it looked at"),
-    "plan_deviations": ("PlanDeviations", "share of the plan's walls that stand elsewhere or nowhere, and each of them"),
+    "plan_deviations": (
+        "PlanDeviations",
+        "share of the plan's walls that stand elsewhere or nowhere, and each of them",
+    ),
 }
 
 

@@ -41,7 +41,9 @@ class _Found:
     def look(self) -> None:
         self.looked_at += 1
         if self.looked_at > _ENTITIES:
-            raise MapError(f"the plan {self.name} unfolds to more than {_ENTITIES} entities: select the layers with walls")
+            raise MapError(
+                f"the plan {self.name} unfolds to more than {_ENTITIES} entities: select the layers with walls"
+            )
 
     def add(self, ends: NDArray[np.float64], layer: str) -> None:
         self.per_layer[layer] = self.per_layer.get(layer, 0) + max(0, len(ends) - 1)
@@ -65,7 +67,8 @@ def read(
 
     ``layers`` are names (with * and ?) of those that hold walls; without it all are read that are neither off nor
     frozen. ``unit_m`` is the length of one unit; without it $INSUNITS tells it, and where that is 0 the scale is
-    unknown. Raises ConfigError when the unit is impossible, MapError when the file is no DXF, has no walls, or too many.
+    unknown. Raises ConfigError when the unit is impossible, MapError when the file is no DXF, has no walls, or too
+    many.
     """
     path = Path(path)
     wanted = [layers] if isinstance(layers, str) else layers
@@ -76,7 +79,9 @@ def read(
     try:
         _collect(document.modelspace(), found, hidden, "0", 0)
     except (ValueError, TypeError, ArithmeticError, AttributeError, IndexError, KeyError) as fault:
-        raise MapError(f"{path.name} holds an entity that cannot be read ({fault}): export the drawing again") from fault
+        raise MapError(
+            f"{path.name} holds an entity that cannot be read ({fault}): export the drawing again"
+        ) from fault
     _tell(found, warn)
     segments = np.concatenate(found.pieces) if found.pieces else np.empty((0, 4))
     if unit is None and len(segments):
@@ -87,15 +92,16 @@ def read(
 
 
 def _opened(path: Path) -> Any:
-    import ezdxf
+    from ezdxf.filemanagement import readfile
+    from ezdxf.lldxf.const import DXFError
 
     try:
         if path.stat().st_size > LARGEST:
             raise MapError(f"{path.name} is too large for a plan ({path.stat().st_size} bytes): export the walls alone")
-        return ezdxf.readfile(path)  # type: ignore[attr-defined,unused-ignore]
+        return readfile(str(path))
     except OSError as fault:
         raise MapError(f"the plan {path.name} cannot be read as DXF: {fault.strerror or fault}") from fault
-    except (ezdxf.DXFError, ValueError, KeyError, TypeError, AttributeError, IndexError) as fault:  # type: ignore[attr-defined,unused-ignore]
+    except (DXFError, ValueError, KeyError, TypeError, AttributeError, IndexError) as fault:
         said = " ".join(str(fault).split()) or type(fault).__name__
         raise MapError(f"{path.name} is no DXF drawing that can be read ({said}): export it again") from fault
 
@@ -147,7 +153,9 @@ def _tell(found: _Found, warn: Callable[[str], None] | None) -> None:
     if warn is None:
         return
     if found.layers is None and len(found.per_layer) > 1:
-        warn(f"{found.name}: the lines of all its layers are taken for walls; the option layers selects some of {named}")
+        warn(
+            f"{found.name}: the lines of all its layers are taken for walls; the option layers selects some of {named}"
+        )
     if found.left_out:
         what = ", ".join(f"{count} {kind}" for kind, count in sorted(found.left_out.items()))
         warn(f"{found.name} has entities that are not read as walls: {what}")

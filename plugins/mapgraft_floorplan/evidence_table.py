@@ -42,15 +42,16 @@ class Agreement(NamedTuple):
 def agreement(robot: Prepared, plan: Prepared, T: Transform, *, any_scale: bool = False) -> Agreement:
     """All counts of a placement, in cells of the robot's grid whatever the size of the plan's.
 
-    With ``any_scale`` free space in rooms tells no more than walls do: all of a robot's map fits into one room, if only
-    the plan is drawn large enough.
+    With ``any_scale`` free space in rooms tells no more than walls on walls do: all of a robot's map fits into one room,
+    if only the plan is drawn large enough.
     """
     table = meeting_table(plan, robot, T.inverse()).T
     rows = table.tolist()
     common = rows[2][2] + rows[3][2] + rows[4][2]
     free = rows[1][1] + rows[1][3] + rows[3][1] + rows[3][3]
     beside = rows[2][3] + rows[2][4]
-    rooms = float(rows[1][1] * FACTORS[1, 1])
-    walls = float((table * FACTORS).sum()) - rooms
-    log_ratio = walls + (min(rooms, max(walls, 0.0)) if any_scale else rooms)
+    told = table * FACTORS
+    rooms = float(told[1, 1])
+    for_it = float(told[told > 0.0].sum()) - rooms
+    log_ratio = float(told.sum()) - (max(0.0, rooms - for_it) if any_scale else 0.0)
     return Agreement(log_ratio, free + common + beside, rows[1][2], rows[2][1], common, table)

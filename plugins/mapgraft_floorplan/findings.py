@@ -52,7 +52,7 @@ def _pieces(cells: NDArray[np.bool_], found: Differences, kind: int) -> list[tup
         ends_m = ends * found.unit_m + np.array(found.origin_m)
         off_m = found.off_m[rows[part], columns[part]]
         value = float(np.median(off_m)) if kind == DISPLACED else length_m
-        start, end = (tuple(round(float(v), 3) for v in place) for place in ends_m)
-        finding = Finding(_NAMES[kind], (*start, 0.0), (*end, 0.0), round(value, 3), "m")
+        (x0, y0), (x1, y1) = np.round(ends_m, 3).tolist()
+        finding = Finding(_NAMES[kind], (x0, y0, 0.0), (x1, y1, 0.0), round(value, 3), "m")
         out.append((length_m, finding))
     return out

@@ -139,7 +139,7 @@ def _wide(inside: NDArray[np.bool_], least: float | None) -> NDArray[np.bool_]:
     # a frame around, so that spaces at the border are not taken for wider than they are
     radius = cv2.distanceTransform(np.pad(inside.astype(np.uint8), 1), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
     widest = np.zeros(count, np.float64)
-    np.maximum.at(widest, labels.ravel(), radius.ravel())
+    np.maximum.at(widest, np.asarray(labels, np.int64).ravel(), np.asarray(radius, np.float64).ravel())
     widest[0] = 0.0
     keep = widest >= (THIN_SHARE * widest.max() if least is None else max(least, 1.5))
     keep[0] = False

@@ -28,4 +28,3 @@ class PlanToLines:
         """What segments along these walls can be evidence for."""
         rows = as_region(region).rows
         return target.region(self.convert(PlanLayer(Walls(rows, np.ones(len(rows), np.int32))), target))
-

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -24,9 +23,9 @@ from mapgraft.contracts import (
 )
 from mapgraft_floorplan import codec, drawing, placing
 from mapgraft_floorplan.layer import PlanLayer, PlanMap, Walls, as_layer, as_map
-from mapgraft_floorplan.plan import NAME, PLAN, Plan
+from mapgraft_floorplan.plan import NAME, NO_WALLS, PLAN, Plan, Segments
 from mapgraft_floorplan.region import PlanRegion, as_region
-from mapgraft_floorplan.tracing import plan_of_grid
+from mapgraft_floorplan.tracing import has_walls, plan_of_grid
 
 _POINT_EVERY_M = 0.05
 _MOST_POINTS = 200_000
@@ -49,11 +48,11 @@ class FloorPlanType:
     def integrate(self, layer: Layer, observation: Observation) -> PlanRegion:
         """Take a plan, or the walls of a ready-made grid, in the place of what was there.
 
-        Raises MapError on anything else, and on a plan without walls; the layer is then as before.
+        Raises MapError on anything else, and on a grid with too many walls; the layer is then as before.
         """
         own, payload = as_layer(layer), observation.payload
         if isinstance(payload, GridMessage):
-            payload = plan_of_grid(payload, f"the map of {observation.robot}")
+            payload = plan_of_grid(payload, f"the map of {observation.robot}") if has_walls(payload) else Plan(NO_WALLS)
         if not isinstance(payload, Plan):
             raise MapError(
                 f"a floor plan is made from a {PLAN} or a {GRID_MESSAGE}, found a {observation.kind} of "
@@ -119,7 +118,7 @@ class FloorPlanType:
             sensor=", ".join(sorted(own.sensors)),
             mapper="floor plan",
             can_send=("walls",),
-            extra={"walls_m": told.length_m(), "segments": len(told.rows)},
+            extra={"segments": len(told.rows), "walls_m": told.length_m()},
         )
 
     def structure(self, map_: Map, within: Map | None = None) -> Points:
@@ -133,7 +132,8 @@ class FloorPlanType:
         if not len(others):
             return points[:0]
         apart, _ = cKDTree(others).query(points, distance_upper_bound=_NEAR_M)
-        return points[np.isfinite(apart)]
+        near: Points = points[np.isfinite(apart)]
+        return near
 
     def messages(self, map_: Map) -> Iterable[OutputMessage]:
         """One ``visualization_msgs/msg/MarkerArray`` with the walls as lines; none for an empty map."""
@@ -145,7 +145,7 @@ class FloorPlanType:
         return {f"{stem}.svg": drawing.svg(as_map(map_).walls.segments_m)}
 
 
-def points_along(segments_m: np.ndarray, every_m: float, most: int) -> Points:
+def points_along(segments_m: Segments, every_m: float, most: int) -> Points:
     """Points (n, 2) evenly along pieces of wall (n, 4), both ends of each, ``every_m`` apart or as ``most`` allows."""
     if not len(segments_m):
         return np.empty((0, 2))
@@ -157,11 +157,3 @@ def points_along(segments_m: np.ndarray, every_m: float, most: int) -> Points:
     share = (step / (counts[which] - 1))[:, None]
     points: Points = segments_m[which, :2] * (1.0 - share) + segments_m[which, 2:] * share
     return points
-
-
-def turned_by(segments_m: np.ndarray) -> float:
-    """The direction (rad, in [0, π/2)) along or across which most of the walls run."""
-    d = segments_m[:, 2:] - segments_m[:, :2]
-    angle = 4.0 * np.arctan2(d[:, 1], d[:, 0])
-    length = np.hypot(d[:, 0], d[:, 1])
-    return math.atan2(float((length * np.sin(angle)).sum()), float((length * np.cos(angle)).sum())) % math.tau / 4.0

@@ -56,9 +56,9 @@ class PlanCorrelation:
     margin is over the best other hypothesis, which lies elsewhere by 10° or by 2.5 m in the mean.
 
     Evidence: ``agreement``, ``missing`` (walls of the plan in free space), ``added`` (walls of the robot in rooms) in
-    cells of ``resolution_m``; ``common_m``, the length of the plan's walls that the robot has, too; ``scale`` and, where
-    it was searched, ``sigma_scale``, its standard deviation relative to it; ``scales_searched``; ``prior_score`` with a
-    prior. The covariance is of the walls' fit.
+    cells of ``resolution_m``; ``common_m``, the length of the plan's walls that the robot has, too; ``scale`` and,
+    where it was searched, ``sigma_scale``, its standard deviation relative to it; ``scales_searched``; ``prior_score``
+    with a prior. The covariance is of the walls' fit.
     """
 
     def __init__(self, *, scale: str | Sequence[float] = "known", returned: int = 4) -> None:
@@ -95,9 +95,7 @@ def extents(robot: Prepared, plan: PlanGrid) -> Range:
     return Range(LEAST_EXTENT * reach / own, MOST_EXTENT * reach / own)
 
 
-def _distinct(
-    robot: Prepared, plan: PlanGrid, poses: Poses, scales: Range, count: int
-) -> list[_Hypothesis]:
+def _distinct(robot: Prepared, plan: PlanGrid, poses: Poses, scales: Range, count: int) -> list[_Hypothesis]:
     """The best of each place, best first, at most so many."""
     some = thinned(robot.walls, ASKED_WALLS)
     made = []

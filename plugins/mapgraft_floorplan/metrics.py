@@ -74,14 +74,13 @@ def features(met: Agreement, margin: float, score: float) -> Mapping[str, float]
 
     ``evidence``: the log likelihood ratio, as ±log(1 + |L| / 10). ``margin``: the match's margin as a share of its
     score, in [-1, 1]. ``drawn``: the share of the plan's walls that the robot has among those it looked at, ``built``:
-    of the robot's walls that the plan has. ``common``: log(1 + cells of walls that both have).
+    of the robot's walls that the plan has.
     """
     return {
         "evidence": math.copysign(math.log1p(abs(met.log_ratio) / _NATS), met.log_ratio),
         "margin": max(-1.0, min(1.0, margin / max(abs(score), _LEAST_NATS))),
         "drawn": met.common / max(1, met.common + met.missing),
         "built": _built(met),
-        "common": math.log1p(met.common),
     }
 
 

@@ -15,8 +15,11 @@ PLAN: Final = "floor_plan"  # payload kind
 MOST_SEGMENTS: Final = 1_000_000
 NOMINAL_M: Final = 40.0  # how far across a plan of unknown scale is taken to be, until a match tells better
 _FARTHEST_M: Final = 1e6
+_HERE: Final = Transform.identity()
 
 Segments = NDArray[np.float64]  # (n, 4) x0, y0, x1, y1
+
+NO_WALLS: Final[Segments] = np.empty((0, 4))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +35,7 @@ class Plan:
     scale_known: bool = True
     shape_px: tuple[int, int] | None = None
     resolution_m: float = 0.0
-    T_map_origin: Transform = Transform.identity()
+    T_map_origin: Transform = _HERE
 
 
 def plan_of(segments: Segments, unit_m: float | None, what: str) -> Plan:

@@ -61,7 +61,7 @@ class Range(NamedTuple):
 
     def steps(self) -> list[float]:
         count = max(1, math.ceil(math.log(self.most / self.least) / STEP) + 1) if self.most > self.least else 1
-        return np.geomspace(self.least, self.most, count).tolist()
+        return [float(scale) for scale in np.geomspace(self.least, self.most, count)]
 
 
 def search(robot: Prepared, field: Field, plan: PlanGrid, scales: Range, gate: Gate | None = None) -> Poses:
@@ -193,4 +193,3 @@ def _best(poses: Poses, count: int, apart_m: float, apart_log: float) -> Poses:
     keys = np.column_stack((poses[:, :2] / apart_m, poses[:, 2] / 0.05, np.log(poses[:, 3]) / apart_log))
     cells = np.round(keys).astype(np.int64)
     return poses[np.sort(np.unique(cells, axis=0, return_index=True)[1])][:count]
-

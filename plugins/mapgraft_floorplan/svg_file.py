@@ -49,7 +49,9 @@ class _Drawing:
     unit_m: float | None = None
 
     def doctype(self, *_: object) -> None:
-        raise MapError(f"{self.name} declares a document type, which a plan does not need and which can do harm: remove it")
+        raise MapError(
+            f"{self.name} declares a document type, which a plan does not need and which can do harm: remove it"
+        )
 
     def begin(self, tag: str, given: dict[str, str]) -> None:
         tag = tag.rpartition(":")[2]
@@ -66,7 +68,11 @@ class _Drawing:
             self.labels[label] = None
             selected = selected or any(fnmatchcase(label, wanted) for wanted in self.layers or ())
         shown = around.shown and tag not in _NOT_SHOWN and not _hidden(given)
-        M = around.M if tag == "svg" and self.open == [] else around.M @ affine_of(given.get("transform", ""), self.name)
+        M = (
+            around.M
+            if tag == "svg" and self.open == []
+            else around.M @ affine_of(given.get("transform", ""), self.name)
+        )
         self.open.append(_Group(M, shown, selected))
         if around.shown and tag in _LEFT_OUT:
             self.left_out[tag] = self.left_out.get(tag, 0) + 1
@@ -91,13 +97,13 @@ def read(
     layers: Sequence[str] | None = None,
     warn: Callable[[str], None] | None = None,
 ) -> Plan:
-    """The walls in an SVG drawing: paths, lines, polylines, polygons, rectangles, circles and ellipses, with transforms.
+    """The walls in an SVG drawing: paths, lines, polylines, polygons, rectangles, circles, ellipses, with transforms.
 
     What is filled counts with its outline, a thick stroke with its middle. ``unit_m`` is the length of one unit of the
     drawing (of its view box); without it the width and view box tell it where they are in mm, cm, in, pt or pc, unless
     the walls would then be no larger than paper; else the scale is unknown. ``layers`` are names of groups (id or
-    Inkscape's label, with * and ?) whose content alone is read. Raises ConfigError when the unit is impossible, MapError
-    when the file is no SVG, has a document type, no walls, or too many.
+    Inkscape's label, with * and ?) whose content alone is read. Raises ConfigError when the unit is impossible,
+    MapError when the file is no SVG, has a document type, no walls, or too many.
     """
     path = Path(path)
     drawing = _Drawing(path.name, [layers] if isinstance(layers, str) else layers)
@@ -105,7 +111,9 @@ def read(
     _parse(path, drawing)
     if layers is not None and not drawing.pieces:
         known = ", ".join(drawing.labels) or "none"
-        raise MapError(f"{path.name} has no walls in groups named {', '.join(drawing.layers or ())}: its groups are {known}")
+        raise MapError(
+            f"{path.name} has no walls in groups named {', '.join(drawing.layers or ())}: its groups are {known}"
+        )
     segments = np.concatenate(drawing.pieces) if drawing.pieces else np.empty((0, 4))
     segments = segments * np.array([1.0, -1.0, 1.0, -1.0])  # y points down in SVG
     if drawing.left_out and warn:

@@ -7,11 +7,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft.contracts import GridMessage
+from mapgraft.contracts import GridMessage, Transform
 from mapgraft_floorplan.plan import Plan, Segments, plan_of
 
 _OCCUPIED: Final = 65  # percent: what map_server calls occupied
 _STRAIGHT_PX: Final = 0.75  # how far an outline may lie off the pixels' corners
+
+
+def has_walls(message: GridMessage) -> bool:
+    """Whether any cell of a ready-made grid is occupied."""
+    return bool((message.cells >= _OCCUPIED).any())
 
 
 def plan_of_grid(message: GridMessage, what: str, *, scale_known: bool = True) -> Plan:
@@ -21,16 +26,13 @@ def plan_of_grid(message: GridMessage, what: str, *, scale_known: bool = True) -
     """
     height, width = message.cells.shape
     traced = outlines(message.cells >= _OCCUPIED)
-    pixel_m = message.resolution_m if scale_known else None
     if scale_known:
-        plan = plan_of(traced, pixel_m, what)
+        plan = plan_of(traced, message.resolution_m, what)
         ends = message.T_map_origin.apply(plan.segments_m.reshape(-1, 2)).reshape(-1, 4)
         return Plan(ends, True, (height, width), message.resolution_m, message.T_map_origin)
     plan = plan_of(traced, None, what)
     low, high = traced.reshape(-1, 2).min(axis=0), traced.reshape(-1, 2).max(axis=0)
     side_m = float((plan.segments_m.reshape(-1, 2).max(axis=0)).max() / (high - low).max())
-    from mapgraft.contracts import Transform
-
     origin = Transform.planar(float(-low[0] * side_m), float(-low[1] * side_m), 0.0)
     return Plan(plan.segments_m, False, (height, width), side_m, origin)
 

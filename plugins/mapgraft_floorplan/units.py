@@ -17,7 +17,9 @@ def told_unit(unit_m: float | None, name: str) -> float | None:
     if unit_m is None:
         return None
     if isinstance(unit_m, bool) or not isinstance(unit_m, int | float) or not (math.isfinite(unit_m) and unit_m > 0):
-        raise ConfigError(f"unit_m of {name}, the length of one unit of the drawing, must be above 0 m, found {unit_m!r}")
+        raise ConfigError(
+            f"unit_m of {name}, the length of one unit of the drawing, must be above 0 m, found {unit_m!r}"
+        )
     return float(unit_m)
 
 
@@ -30,8 +32,8 @@ def believable(unit_m: float, extent: float, name: str, warn: Callable[[str], No
     if across_m < PAPER_M:
         if warn:
             warn(
-                f"{name} says that its walls are {across_m:.3g} m across, which is the size of paper: its scale is taken "
-                "as unknown; tell the length of one unit with the option unit_m"
+                f"{name} says that its walls are {across_m:.3g} m across, which is the size of paper: its scale is "
+                "taken as unknown; tell the length of one unit with the option unit_m"
             )
         return None
     if across_m > LARGEST_M and warn:

@@ -1,6 +1,6 @@
 """Fit the probability that a plan lies where a match puts it, on simulated buildings; and count what the matcher finds.
 
-    python tests/bench/fit_floorplan.py [--first 1000] [--count 60]
+    python tests/bench/fit_floorplan.py [--first 1000] [--count 60] [--seconds 600]
 
 Prints the coefficients that ``mapgraft_floorplan/metrics.py`` holds, fitted on the buildings of even seed, and what the
 rule's limit takes of the right and wrong hypotheses in those of odd seed.
@@ -33,7 +33,7 @@ from mapgraft_recordings.buildings.plans import plan_of
 RIGHT_M, RIGHT_RAD = 0.5, math.radians(5.0)
 SCANS = (40, 80, 160, 320)
 TAKEN_FROM = 0.9
-RIDGE = 1e-3
+RIDGE = 5e-3
 
 
 @dataclass
@@ -88,7 +88,17 @@ def case_of(seed: int, free: bool, rng: np.random.Generator) -> Case:
     shift = za.mean() - factor * zb.mean()
     back = np.array([[factor.real, -factor.imag], [factor.imag, factor.real]])
     as_grid = PlanToGrid().convert(PlanLayer(Walls.of_metres(plan.segments_m), scale_known=plan.scale_known), grid)
-    return Case(seed, house.kind, scans, grid.view(layer), grid.view(as_grid), as_grid, back, np.array([shift.real, shift.imag]), free)
+    return Case(
+        seed,
+        house.kind,
+        scans,
+        grid.view(layer),
+        grid.view(as_grid),
+        as_grid,
+        back,
+        np.array([shift.real, shift.imag]),
+        free,
+    )
 
 
 def take(case: Case, tally: Tally) -> None:
@@ -111,7 +121,11 @@ def take(case: Case, tally: Tally) -> None:
         if rank == 0:
             tally.first[case.free].append(ok)
             print(f"{case.seed} {case.kind:10} {case.scans:3} scans {'any scale' if case.free else 'known':9}", end=" ")
-            print("right" if ok else "wrong", f"{off_m:.2f} m, score {match.score:.0f}, margin {match.margin:.0f}", flush=True)
+            print(
+                "right" if ok else "wrong",
+                f"{off_m:.2f} m, score {match.score:.0f}, margin {match.margin:.0f}",
+                flush=True,
+            )
     if not found:
         tally.first[case.free].append(False)
 
@@ -132,9 +146,13 @@ def main() -> None:
     asked = argparse.ArgumentParser(description=__doc__)
     asked.add_argument("--first", type=int, default=1000)
     asked.add_argument("--count", type=int, default=60)
+    asked.add_argument("--seconds", type=float, default=math.inf, help="stop after about so long")
     options = asked.parse_args()
     tally, rng = Tally(), np.random.default_rng(5)
+    ends = time.monotonic() + options.seconds
     for seed in range(options.first, options.first + options.count):
+        if time.monotonic() > ends:
+            break
         for free in (False, True):
             try:
                 case = case_of(seed, free, rng)
@@ -143,7 +161,11 @@ def main() -> None:
                 print(seed, error)
     rows, right, odd = np.array(tally.rows), np.array(tally.right), np.array(tally.odd)
     w = fit(rows[~odd], right[~odd])
-    print({name: round(float(value), 3) for name, value in zip(tally.names, w, strict=False)}, "intercept", round(float(w[-1]), 3))
+    print(
+        {name: round(float(value), 3) for name, value in zip(tally.names, w, strict=False)},
+        "intercept",
+        round(float(w[-1]), 3),
+    )
     p = 1.0 / (1.0 + np.exp(-(np.column_stack((rows, np.ones(len(rows)))) @ w)))
     for name, part in (("fitted on", ~odd), ("others", odd)):
         taken = p[part] >= TAKEN_FROM

@@ -49,7 +49,8 @@ def test_shapes_and_transforms_of_svg(write: Write) -> None:
         '<g transform="translate(1000 0) scale(2)"><line x1="0" y1="0" x2="1000" y2="0"/></g>'
         '<polyline points="0,1000 1000,1000 1000,2000"/><polygon points="5000,5000 6000,5000 6000,6000"/>'
         '<rect x="100" y="100" width="200" height="300"/><path d="m 0 7000 h 500 v 500 z"/>'
-        '<g style="display: none"><line x1="0" y1="0" x2="9" y2="9"/></g><defs><line x1="0" y1="0" x2="9" y2="9"/></defs>'
+        '<g style="display: none"><line x1="0" y1="0" x2="9" y2="9"/></g>'
+        '<defs><line x1="0" y1="0" x2="9" y2="9"/></defs>'
     )
     found = svg_file.read(write("a.svg", drawing(body))).segments_m
     assert len(found) == 1 + 2 + 3 + 4 + 3
@@ -59,7 +60,8 @@ def test_shapes_and_transforms_of_svg(write: Write) -> None:
 
 
 def test_curves_of_svg_are_followed(write: Write) -> None:
-    body = '<path d="M 0 0 A 2000 2000 0 0 1 4000 0 C 5000 0 5000 1000 6000 1000"/><circle cx="9000" cy="4000" r="1000"/>'
+    curve = '<path d="M 0 0 A 2000 2000 0 0 1 4000 0 C 5000 0 5000 1000 6000 1000"/>'
+    body = curve + '<circle cx="9000" cy="4000" r="1000"/>'
     ends = svg_file.read(write("a.svg", drawing(body))).segments_m.reshape(-1, 2)
     arc = ends[(ends[:, 0] <= 4.0) & (ends[:, 0] >= 0.0)]
     assert np.hypot(arc[:, 0] - 2.0, arc[:, 1]) == pytest.approx(2.0, abs=1e-6)
@@ -68,9 +70,7 @@ def test_curves_of_svg_are_followed(write: Write) -> None:
 
 
 def test_groups_of_svg_can_be_selected(write: Write) -> None:
-    body = (
-        '<g id="A-WALL"><path d="M0 0H9000V5000"/></g><g id="furniture"><rect x="1" y="1" width="9" height="9"/></g>'
-    )
+    body = '<g id="A-WALL"><path d="M0 0H9000V5000"/></g><g id="furniture"><rect x="1" y="1" width="9" height="9"/></g>'
     path = write("a.svg", drawing(body))
     assert len(svg_file.read(path, layers=["*WALL*"]).segments_m) == 2
     with pytest.raises(MapError, match=r"no walls in groups named doors: its groups are A-WALL, furniture"):
@@ -104,7 +104,10 @@ OUTSIDE = '<!DOCTYPE svg [<!ENTITY x SYSTEM "file:///etc/passwd">]>' + drawing("
         (drawing("<g>" * 300 + "</g>" * 300), "elements inside each other"),
         (drawing('<path d="M 0 0 L nonsense 5"/>'), "cannot be read|has no walls"),
         (drawing('<line x1="a" x2="9"/>'), "a line in a.svg cannot be read"),
-        (drawing('<line x1="0" x2="1e308" y2="1e308"/><line x1="-1e308" x2="5"/>'), "finite|walls .* m from its origin"),
+        (
+            drawing('<line x1="0" x2="1e308" y2="1e308"/><line x1="-1e308" x2="5"/>'),
+            "finite|walls .* m from its origin",
+        ),
         (drawing('<g transform="matrix(1,2"><line x2="9"/></g>'), "transform .* cannot be read"),
     ],
 )
@@ -140,7 +143,9 @@ def test_dxf_with_blocks_layers_and_curves(tmp_path: Path) -> None:
         space.add_line((0, 0), (900, 500), dxfattribs={"layer": "OLD"})
         block = document.blocks.new("PIECE")
         block.add_line((0, 0), (1000, 0))
-        space.add_blockref("PIECE", (2000, 3000), dxfattribs={"layer": "WALLS", "rotation": 90, "xscale": 2, "yscale": 2})
+        space.add_blockref(
+            "PIECE", (2000, 3000), dxfattribs={"layer": "WALLS", "rotation": 90, "xscale": 2, "yscale": 2}
+        )
         space.add_circle((6000, 4000), 1000, dxfattribs={"layer": "WALLS"})
         space.add_arc((3000, 4000), 500, 0, 180, dxfattribs={"layer": "WALLS"})
         space.add_spline([(8000, 1000), (9000, 2000), (10000, 1000)], dxfattribs={"layer": "WALLS"})
@@ -202,7 +207,9 @@ def test_blocks_that_multiply_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
         dxf_file.read(saved(tmp_path / "a.dxf", 6, draw))
 
 
-@pytest.mark.parametrize("data", [b"", b"not a drawing", b"  0\nSECTION\n  2\nENTITIES\n  0\nLINE\n 10\nabc\n", bytes(900)])
+@pytest.mark.parametrize(
+    "data", [b"", b"not a drawing", b"  0\nSECTION\n  2\nENTITIES\n  0\nLINE\n 10\nabc\n", bytes(900)]
+)
 def test_files_that_are_no_dxf(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "a.dxf"
     path.write_bytes(data)

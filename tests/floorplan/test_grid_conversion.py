@@ -35,7 +35,9 @@ def test_without_outer_walls_nothing_is_free(walls: NDArray[np.float64]) -> None
 
 
 def test_the_inside_of_a_thick_wall_is_no_room(walls: NDArray[np.float64]) -> None:
-    doubled = np.vstack((walls, [[-0.3, -0.3, 12.3, -0.3], [12.3, -0.3, 12.3, 0], [-0.3, -0.3, -0.3, 0], [-0.3, 0, 0, 0]]))
+    doubled = np.vstack(
+        (walls, [[-0.3, -0.3, 12.3, -0.3], [12.3, -0.3, 12.3, 0], [-0.3, -0.3, -0.3, 0], [-0.3, 0, 0, 0]])
+    )
     doubled = np.vstack((doubled, [[12.0, 0, 12.3, 0]]))
     assert at(doubled, 6.0, -0.15) == UNKNOWN
     assert at(doubled, 2.0, 2.0) == ROOM

@@ -64,9 +64,6 @@ class TestPlansFromGrids(MapTypeLaws):
 
 class TestPlanToGrid(Plans, ConversionLaws):
     examples: ClassVar[int] = 8
-    expected_failures: ClassVar[dict[str, str]] = {
-        "counts_survive": "a plan says a wall once, however many drew it: nothing was observed that could add up"
-    }
 
     def make_target(self) -> MapType:
         return OccupancyGrid(resolution_m=0.1)
@@ -77,9 +74,6 @@ class TestPlanToGrid(Plans, ConversionLaws):
 
 class TestPlanToLines(Plans, ConversionLaws):
     examples: ClassVar[int] = 8
-    expected_failures: ClassVar[dict[str, str]] = {
-        "counts_survive": "a plan says a wall once, however many drew it: nothing was observed that could add up"
-    }
 
     def make_target(self) -> MapType:
         return LineSegments()

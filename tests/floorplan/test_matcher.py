@@ -39,9 +39,7 @@ def test_a_plan_of_known_scale(walls: NDArray[np.float64], robot_map: GridMap, t
 
 
 @pytest.mark.parametrize(("turn_deg", "scale"), [(25.0, 0.31), (190.0, 1.0), (-75.0, 1.9)])
-def test_a_plan_of_unknown_scale(
-    walls: NDArray[np.float64], robot_map: GridMap, turn_deg: float, scale: float
-) -> None:
+def test_a_plan_of_unknown_scale(walls: NDArray[np.float64], robot_map: GridMap, turn_deg: float, scale: float) -> None:
     source, T = plan_map(walls, turn_deg, scale, False)
     best = PlanCorrelation(scale="unknown").match(robot_map, source)[0]
     assert best.scale == pytest.approx(scale, rel=0.01)
@@ -74,7 +72,9 @@ def test_a_prior_restricts_the_search_and_tells_its_score(walls: NDArray[np.floa
 def test_equal_maps_give_equal_matches(walls: NDArray[np.float64], robot_map: GridMap) -> None:
     source, _ = plan_map(walls, 33.0, 0.7, False)
     one, other = (PlanCorrelation(scale="unknown").match(robot_map, source) for _ in range(2))
-    assert [(m.T_receiver_donor, m.scale, m.score) for m in one] == [(m.T_receiver_donor, m.scale, m.score) for m in other]
+    assert [(m.T_receiver_donor, m.scale, m.score) for m in one] == [
+        (m.T_receiver_donor, m.scale, m.score) for m in other
+    ]
 
 
 def test_maps_without_walls_are_refused(robot_map: GridMap) -> None:

@@ -60,7 +60,7 @@ def test_three_looks_override_a_wall_that_was_never_built(walls: NDArray[np.floa
 def test_what_it_says_is_not_observed(robot: tuple[OccupancyGrid, Layer], plan_layer: PlanLayer) -> None:
     grid, own = robot
     ledger = Ledger(grid)
-    ledger._layer = own  # noqa: SLF001 (a ledger that has observed this)
+    ledger._layer = own  # a ledger that has observed this
     told = grid.metadata(ledger.offered_layer())
     alone, sent = ledger.own().known(), grid.encode(ledger.offered_layer())
     ledger.merge("robot.plan.1", fused_plan(grid, own, plan_layer))
@@ -76,11 +76,13 @@ def test_what_it_says_is_not_observed(robot: tuple[OccupancyGrid, Layer], plan_l
 def test_observations_go_on_beside_it(robot: tuple[OccupancyGrid, Layer], plan_layer: PlanLayer) -> None:
     grid, own = robot
     ledger = Ledger(grid)
-    ledger._layer = own  # noqa: SLF001
+    ledger._layer = own
     ledger.merge("robot.plan.1", fused_plan(grid, own, plan_layer))
     before = ledger.fused().known()
     cells = np.zeros((40, 40), np.int8)
-    seen = Observation("robot", 1, 1, "map", "grid_message", GridMessage(cells, 0.05, Transform.planar(9, 5, 0)), HERE, HERE)
+    seen = Observation(
+        "robot", 1, 1, "map", "grid_message", GridMessage(cells, 0.05, Transform.planar(9, 5, 0)), HERE, HERE
+    )
     ledger.observe(seen)
     ledger.revert("robot.plan.1")
     fresh = OccupancyGrid()

@@ -87,8 +87,8 @@ class Step:
 class Finding:
     """One thing that a metric found at one place: where in the receiver's map frame, what, and how much of it.
 
-    ``kind`` is a few words (``wall missing``); ``start_m`` and ``end_m`` (x, y, z) are the ends of what was found, equal
-    where it is a point; ``value`` is in ``unit``.
+    ``kind`` is a few words (``wall missing``); ``start_m`` and ``end_m`` (x, y, z) are the ends of what was found,
+    equal where it is a point; ``value`` is in ``unit``.
     """
 
     kind: str

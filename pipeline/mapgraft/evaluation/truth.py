@@ -43,9 +43,7 @@ class Truth:
     scale: float = 1.0
 
     @classmethod
-    def of(
-        cls, map_type: MapType, own_map: Map, donor: Layer, T_receiver_donor: Transform, scale: float = 1.0
-    ) -> Self:
+    def of(cls, map_type: MapType, own_map: Map, donor: Layer, T_receiver_donor: Transform, scale: float = 1.0) -> Self:
         """The truth about a receiver's map, and a donor's layer in its own frame and scale."""
         try:
             placed = map_type.view(map_type.place(donor, T_receiver_donor, scale))
