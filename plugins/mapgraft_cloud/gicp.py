@@ -21,6 +21,7 @@ _ROUNDS: Final = 30
 _NEIGHBOURS: Final = 15  # of which small_gicp makes a covariance
 _STEPS: Final = {_WIDE_M: 1e-3, _NARROW_M: 1e-5}  # m and rad: smaller ones end a run
 _MOST_TILT_RAD: Final = math.radians(6.0)  # of a hypothesis for maps whose z axes are said to point up
+_TOGETHER: Final = 400.0  # points err together and maps bend: so much larger are squared errors of simulated drives
 _LARGEST_SIGMA: Final = 10.0  # m or rad: what the clouds do not determine at all
 _UPRIGHT_AXES: Final = [0, 1, 2, 5]  # x, y, z, yaw
 
@@ -57,7 +58,7 @@ class Gicp:
     less twice what the other saw through (``seen_through_m2``). Evidence: ``inliers`` and their mean ``residual_m``,
     ``shared_m2``, ``overlap`` (the shared part of what both looked at), ``lead`` (the margin as a share of the score),
     ``sigma_m`` and ``sigma_yaw_rad`` from the covariance, and ``prior_score``. The covariance is the inverse Hessian of
-    the last run, scaled by the residuals.
+    the last run, scaled by the residuals, times 400: points that lie near each other err together, and maps bend.
 
     A second hypothesis comes from the prior shifted along and across by its own uncertainty, where that leads to
     another place. Source: K. Koide, small_gicp (JOSS 2024).
@@ -203,7 +204,7 @@ def _levelled(T: Transform, hessian: NDArray[np.float64]) -> Transform | None:
 def _covariance(hessian: NDArray[np.float64], result: Any, aligned: bool) -> Covariance:
     """(6, 6) of x, y, z, roll, pitch, yaw in the target's frame; what is not open is zero."""
     axes = _UPRIGHT_AXES if aligned else list(range(6))
-    spread = max(2.0 * float(result.error) / max(int(result.num_inliers) - len(axes), 1), 1e-3)
+    spread = _TOGETHER * max(2.0 * float(result.error) / max(int(result.num_inliers) - len(axes), 1), 1e-3)
     values, vectors = np.linalg.eigh(hessian[np.ix_(axes, axes)] / spread)
     inverse = (vectors / np.maximum(values, _LARGEST_SIGMA**-2)) @ vectors.T
     covariance = np.zeros((6, 6))
