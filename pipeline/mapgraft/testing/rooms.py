@@ -18,7 +18,7 @@ GRID_M: Final = 0.1
 _MARGIN: Final = 5  # cells around a ready-made map
 _POST_CORNERS: Final = 8
 _SLOPES: Final = (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)  # of the rings of a spinning lidar, up per way
-_FLOOR_M, _CEILING_M = -0.6, 1.8  # seen from it
+_FLOOR_M, _CEILING_M = -1.0, 2.0  # seen from it
 
 
 @dataclass(frozen=True, slots=True)
