@@ -8,7 +8,7 @@ import pytest
 
 from mapgraft.testing import examine, laws_of
 
-BYSTANDERS = 4  # examples of the laws that are not meant
+BYSTANDERS = 2  # examples of the laws that are not meant
 ALL = [(kind, law.name) for kind in beacon_laws.ALL for law in laws_of(kind)]
 NEAR = [  # the laws of matchers are tried on one of the two matchers
     (beacon_laws.SlideNearLaws, law.name) for law in laws_of(beacon_laws.SlideLaws) if law.name != "the_prior_is_scored"

@@ -10,7 +10,7 @@ from mapgraft.testing.clouds import look_around, points_of, raised
 from mapgraft.testing.rooms import Room, look, ready_made
 
 PERIOD_NS: Final = 100_000_000
-_SIGHT_M: Final = 2.0  # of the first of several ready-made maps; the others see a metre more each
+_SIGHT_M: Final = 3.2  # of the first of several ready-made maps, and a metre more of each other: all see a wall
 
 _Seen = tuple[object, Transform]  # the payload, and T_room_sensor
 _SEEN: Final[dict[str, Callable[[Room, float, float, float, int], _Seen]]] = {
