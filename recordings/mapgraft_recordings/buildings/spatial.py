@@ -85,7 +85,7 @@ def record_spatial(
         legs = people.legs(stop.pose)
         seen = np.vstack((stop.solid, legs))
         tops = np.concatenate((heights.tops(stop.solid), np.full(len(legs), heights.ceiling_m - _PERSON_M)))
-        points = _turn(lidar, stop.pose, seen, tops, heights.ceiling_m, random.sensor)
+        points = turn_of(lidar, stop.pose, seen, tops, heights.ceiling_m, random.sensor)
         found.append(Sweep(stop.stamp_ns, stop.pose, points))
     poses = np.array([sweep.pose for sweep in found])
     return SpatialDrive(lidar, tuple(found), drifted(poses, random.poses))
@@ -146,7 +146,7 @@ def outlines_of(segments: Segments) -> NDArray[np.int64]:
     return numbers
 
 
-def _turn(
+def turn_of(
     lidar: SpinningLidar,
     pose: tuple[float, float, float],
     segments: Segments,
@@ -154,6 +154,10 @@ def _turn(
     ceiling_m: float,
     rng: np.random.Generator,
 ) -> NDArray[np.float32]:
+    """One turn at a pose: points (rings, columns, 3) in the lidar's frame, NaN where nothing came back.
+
+    ``segments`` (m, 4) stand upright from the floor to ``tops`` (m,), under a ceiling.
+    """
     x, y, yaw = pose
     bearings = 2.0 * math.pi * np.arange(lidar.columns) / lidar.columns
     ahead = unit_vectors(bearings + yaw)
