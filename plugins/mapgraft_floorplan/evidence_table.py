@@ -42,8 +42,8 @@ class Agreement(NamedTuple):
 def agreement(robot: Prepared, plan: Prepared, T: Transform, *, any_scale: bool = False) -> Agreement:
     """All counts of a placement, in cells of the robot's grid whatever the size of the plan's.
 
-    With ``any_scale`` free space in rooms tells no more than walls on walls do: all of a robot's map fits into one room,
-    if only the plan is drawn large enough.
+    With ``any_scale`` free space in rooms tells no more than walls on walls do: all of a robot's map fits into one
+    room, if only the plan is drawn large enough.
     """
     table = meeting_table(plan, robot, T.inverse()).T
     rows = table.tolist()
