@@ -125,6 +125,7 @@ def register_conversions(register: Register) -> None:
             accepts=_CLOUD,
             gives="occupancy_grid",
             requires=("mapgraft_grid",),
+            laws=("mapgraft_cloud.laws:CloudToGrid",),
         )
     )
     register(

@@ -10,8 +10,9 @@ from mapgraft.contracts import CLOUD, SCAN
 from mapgraft.testing import ConversionLaws, FuserLaws, MapTypeLaws, MatcherLaws, MetricLaws
 from mapgraft_cloud.evidence import CloudContradiction, CloudOverlap
 from mapgraft_cloud.gicp import Gicp
-from mapgraft_cloud.grid_conversion import GridConversion, SliceConversion
+from mapgraft_cloud.grid_conversion import SliceConversion
 from mapgraft_cloud.kiss import Kiss
+from mapgraft_cloud.laws import CloudToGrid
 from mapgraft_cloud.map_type import PointCloud
 from mapgraft_cloud.voxels import Voxels
 from mapgraft_grid.map_type import OccupancyGrid
@@ -77,18 +78,8 @@ class TestCloudContradiction(MetricLaws):
         return CloudContradiction()
 
 
-class TestCloudToGrid(ConversionLaws):
-    kind: ClassVar[str] = CLOUD
-    examples: ClassVar[int] = 6
-
-    def make_map_type(self) -> PointCloud:
-        return PointCloud()
-
-    def make_target(self) -> OccupancyGrid:
-        return OccupancyGrid()
-
-    def make_conversion(self) -> GridConversion:
-        return GridConversion()
+class TestCloudToGrid(CloudToGrid):
+    """As ``mapgraft plugins check`` tries them."""
 
 
 class TestGridToSlice(ConversionLaws):

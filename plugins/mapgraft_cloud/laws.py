@@ -1,0 +1,27 @@
+"""How the laws of plugins are tried on what the kit cannot make or judge by itself."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from mapgraft.contracts import CLOUD
+from mapgraft.testing import ConversionLaws
+from mapgraft_cloud.grid_conversion import GridConversion
+from mapgraft_cloud.map_type import PointCloud
+from mapgraft_grid.map_type import OccupancyGrid
+
+
+class CloudToGrid(ConversionLaws):
+    """Sweeps only: of a ready-made cloud of one sweep half is floor and ceiling, which no grid has."""
+
+    kind: ClassVar[str] = CLOUD
+    examples: ClassVar[int] = 6
+
+    def make_map_type(self) -> PointCloud:
+        return PointCloud()
+
+    def make_target(self) -> OccupancyGrid:
+        return OccupancyGrid()
+
+    def make_conversion(self) -> GridConversion:
+        return GridConversion()
