@@ -80,6 +80,7 @@ def run(
     reversal: Annotated[str | None, typer.Option(help="ledger, single_map or multi_map, for every robot.")] = None,
     prior: Annotated[list[str] | None, typer.Option(help="Known pose: RECEIVER,DONOR=X,Y,YAW (m, rad).")] = None,
     forbid: Annotated[list[str] | None, typer.Option(help="Never merge this pair: A,B.")] = None,
+    demo: Annotated[str | None, typer.Option(help="Replay a demo: grids (else taken), heterogeneous.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
     json: Json = False,
     no_plugin: NoPlugin = None,
@@ -89,7 +90,9 @@ def run(
     from mapgraft.commands.run import Overrides, run_and_show
 
     overrides = Overrides(start, end, every, reversal, tuple(prior or ()), tuple(forbid or ()))
-    run_and_show(files or [], config, out, overrides, quiet=quiet, as_json=json, without=no_plugin or [])
+    run_and_show(
+        files or [], config, out, overrides, demo_name=demo, quiet=quiet, as_json=json, without=no_plugin or []
+    )
 
 
 Out = Annotated[Path, typer.Argument(help="The folder of an earlier run.")]
