@@ -33,7 +33,7 @@ from mapgraft_recordings.buildings.plans import plan_of
 RIGHT_M, RIGHT_RAD = 0.5, math.radians(5.0)
 SCANS = (40, 80, 160, 320)
 TAKEN_FROM = 0.9
-RIDGE = 5e-3
+RIDGE = 3e-4
 
 
 @dataclass
@@ -147,6 +147,7 @@ def main() -> None:
     asked.add_argument("--first", type=int, default=1000)
     asked.add_argument("--count", type=int, default=60)
     asked.add_argument("--seconds", type=float, default=math.inf, help="stop after about so long")
+    asked.add_argument("--rows", help="write odd seed, right and the features of every hypothesis to this file")
     options = asked.parse_args()
     tally, rng = Tally(), np.random.default_rng(5)
     ends = time.monotonic() + options.seconds
@@ -159,6 +160,8 @@ def main() -> None:
                 take(case, tally)
             except MapgraftError as error:
                 print(seed, error)
+    if options.rows:
+        np.savetxt(options.rows, np.column_stack((tally.odd, tally.right, tally.rows)), header=" ".join(tally.names))
     rows, right, odd = np.array(tally.rows), np.array(tally.right), np.array(tally.odd)
     w = fit(rows[~odd], right[~odd])
     print(
