@@ -41,6 +41,13 @@ class Alteration(Section):
         """What a comparison of the plan with the building should call it."""
         return {"not drawn": "wall added", "drawn elsewhere": "wall displaced", "not built": "wall missing"}[self.what]
 
+    @property
+    def bounds_m(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The lower and upper corner (2,) of where it is: the box, there and where it was drawn, or around the line."""
+        ends = np.array(self.line if self.within is None else self.within).reshape(2, 2)
+        ends = np.vstack((ends, ends + np.array(self.by)))
+        return ends.min(axis=0), ends.max(axis=0)
+
 
 class DrawnPlan(Section):
     """How the drawing differs from the building: single things, and how much longer than wide it was copied."""

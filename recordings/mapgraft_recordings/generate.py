@@ -5,18 +5,19 @@ from __future__ import annotations
 import argparse
 import shutil
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 
 from mapgraft.config import Section, read_mapping
 from mapgraft.errors import MapgraftError
+from mapgraft.events import Event
 from mapgraft_recordings import DEMOS
 from mapgraft_recordings.drawn_plan import DrawnPlan, as_svg
 from mapgraft_recordings.mission import Mission, build_mission, load_mission_plan
-from mapgraft_recordings.outcome import Outcome, describe, outcome_of, write_outcome
+from mapgraft_recordings.outcome import Outcome, describe, outcome_of, with_deviations, write_outcome
 from mapgraft_recordings.simulator.messages import Message, ros_messages
-from mapgraft_recordings.simulator.simulation import Robot, simulate
+from mapgraft_recordings.simulator.simulation import Pose, Robot, simulate
 from mapgraft_recordings.simulator.world import checked, load_plan
 from mapgraft_recordings.spinning import SpinningPlan, spinning_messages
 from mapgraft_recordings.writing import write_mcap
@@ -70,16 +71,22 @@ def _messages(mission: Mission, robot: Robot, spinning: SpinningPlan | None) -> 
     return ros_messages([robot], simulate(mission.world, [robot], mission.seed, mission.duration_s))
 
 
-def expect(mission: Mission, paths: Sequence[Path], folder: Path) -> Outcome:
+def expect(mission: Mission, paths: Sequence[Path], folder: Path, demo: str = DEMOS[0]) -> Outcome:
     """Run the main job on the recording and write what came of it to ``expected.json`` in ``folder``."""
     from mapgraft.job import run
 
-    outcome = outcome_of(run(paths, folder / "config.yaml").events, frames(mission, paths))
+    outcome = judged(run(paths, folder / "config.yaml").events, frames(mission, paths), demo)
     write_outcome(folder / "expected.json", outcome)
     return outcome
 
 
-def frames(mission: Mission, paths: Sequence[Path]) -> dict[str, tuple[float, float, float]]:
+def judged(events: Sequence[Event], T_world_map: Mapping[str, Pose], demo: str = DEMOS[0]) -> Outcome:
+    """What came of a run of a demo, held against the truth."""
+    outcome = outcome_of(events, T_world_map)
+    return with_deviations(outcome, events, drawn_plan()) if demo == "heterogeneous" else outcome
+
+
+def frames(mission: Mission, paths: Sequence[Path]) -> dict[str, Pose]:
     """The truth that no robot knows: where every map's frame lies. A plan is drawn in the world's."""
     drawn = {path.stem: (0.0, 0.0, 0.0) for path in paths if path.suffix == ".svg"}
     return {**mission.T_world_map, **drawn}
@@ -94,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     try:
         mission, paths = generate(given.seed, given.output, given.demo)
-        outcome = expect(mission, paths, given.output) if given.expect else None
+        outcome = expect(mission, paths, given.output, given.demo) if given.expect else None
     except MapgraftError as error:
         print(f"error: {error}", file=sys.stderr)
         return error.exit_code
