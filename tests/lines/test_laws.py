@@ -33,7 +33,7 @@ class TestWeightedMaps(Lines, MapTypeLaws):
     examples: ClassVar[int] = 8
 
     def make_map_type(self) -> MapType:
-        return LineSegments(cell_m=0.5, looks_min=2)
+        return LineSegments(cell_m=0.5, share_min=0.1)
 
     def make_fuser(self) -> Fuser:
         return LineUnion(weight=3)
