@@ -79,6 +79,7 @@ def register_matchers(register: Register) -> None:
             uses_prior=True,
             requires=("small_gicp",),
             extra="cloud",
+            laws=("mapgraft_cloud.conformance:GicpLaws",),
         )
     )
 
@@ -125,7 +126,7 @@ def register_conversions(register: Register) -> None:
             accepts=_CLOUD,
             gives="occupancy_grid",
             requires=("mapgraft_grid",),
-            laws=("mapgraft_cloud.laws:CloudToGrid",),
+            laws=("mapgraft_cloud.conformance:CloudToGrid",),
         )
     )
     register(

@@ -8,11 +8,10 @@ import pytest
 
 from mapgraft.contracts import CLOUD, SCAN
 from mapgraft.testing import ConversionLaws, FuserLaws, MapTypeLaws, MatcherLaws, MetricLaws
+from mapgraft_cloud.conformance import CloudToGrid, GicpLaws
 from mapgraft_cloud.evidence import CloudContradiction, CloudOverlap
-from mapgraft_cloud.gicp import Gicp
 from mapgraft_cloud.grid_conversion import SliceConversion
 from mapgraft_cloud.kiss import Kiss
-from mapgraft_cloud.laws import CloudToGrid
 from mapgraft_cloud.map_type import PointCloud
 from mapgraft_cloud.voxels import Voxels
 from mapgraft_grid.map_type import OccupancyGrid
@@ -113,18 +112,9 @@ class TestKiss(MatcherLaws):
         return Kiss()
 
 
-class TestGicp(MatcherLaws):
-    kind: ClassVar[str] = CLOUD
-    examples: ClassVar[int] = 4
-    uses_prior: ClassVar[bool] = True
-    needs_prior: ClassVar[bool] = True
+class TestGicp(GicpLaws):
+    """As ``mapgraft plugins check`` tries them."""
 
     @pytest.fixture(autouse=True)
     def _installed(self) -> None:
         pytest.importorskip("small_gicp", reason="needs the extra cloud")
-
-    def make_map_type(self) -> PointCloud:
-        return PointCloud()
-
-    def make_matcher(self) -> Gicp:
-        return Gicp()

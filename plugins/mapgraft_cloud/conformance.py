@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 from mapgraft.contracts import CLOUD
-from mapgraft.testing import ConversionLaws
+from mapgraft.testing import ConversionLaws, MatcherLaws
+from mapgraft_cloud.gicp import Gicp
 from mapgraft_cloud.grid_conversion import GridConversion
 from mapgraft_cloud.map_type import PointCloud
 from mapgraft_grid.map_type import OccupancyGrid
@@ -25,3 +26,18 @@ class CloudToGrid(ConversionLaws):
 
     def make_conversion(self) -> GridConversion:
         return GridConversion()
+
+
+class GicpLaws(MatcherLaws):
+    """It refines a prior, and refuses to guess one."""
+
+    kind: ClassVar[str] = CLOUD
+    examples: ClassVar[int] = 4
+    uses_prior: ClassVar[bool] = True
+    needs_prior: ClassVar[bool] = True
+
+    def make_map_type(self) -> PointCloud:
+        return PointCloud()
+
+    def make_matcher(self) -> Gicp:
+        return Gicp()
