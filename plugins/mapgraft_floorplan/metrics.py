@@ -13,9 +13,10 @@ from mapgraft_floorplan.standing import agreement_of, differences_of
 
 _NATS: Final = 10.0
 _LEAST_NATS: Final = 20.0
-# Logistic regressions on 232 pairs of simulated maps and plans, half of known scale (tests/bench/fit_floorplan.py)
-WITH_MARGIN: Final = {"evidence": 0.0, "margin": 0.0, "drawn": 0.0, "built": 0.0, "common": 0.0}
-INTERCEPT: Final = 0.0
+# Logistic regression on 80 hypotheses in 20 simulated buildings, half of them with plans of known scale
+# (tests/bench/fit_floorplan.py). Cross-validated, 78 % of the right ones come out at 0.8 or more, and 1 of 53 wrong.
+COEFFICIENTS: Final = {"evidence": 1.411, "margin": 6.561}
+INTERCEPT: Final = -9.938
 
 
 class _Anew:
@@ -31,7 +32,7 @@ class _Anew:
 
 
 class PlanPosterior:
-    """The probability that a plan lies where a match puts it, by logistic regression on what the maps tell.
+    """The probability that a plan lies where a match puts it, by logistic regression on the evidence and margin.
 
     The value is NaN when one of the maps has no wall, or they have none in common to tell from. The support is the
     number of cells (about 0.1 m) of the robot's map on the plan. Details: ``log_odds`` and the features (``features``).
@@ -96,7 +97,7 @@ def _posterior(comparison: Comparison) -> Measurement:
     if met is None or not support:
         return Measurement("plan_posterior", math.nan, "1", support, "higher")
     known = features(met, match.margin, match.score)
-    log_odds = INTERCEPT + math.fsum(WITH_MARGIN[name] * value for name, value in known.items())
+    log_odds = INTERCEPT + math.fsum(c * known[name] for name, c in COEFFICIENTS.items())
     value = 1.0 / (1.0 + math.exp(-max(-500.0, log_odds)))
     return Measurement("plan_posterior", value, "1", support, "higher", {"log_odds": log_odds, **known})
 

@@ -2,8 +2,8 @@
 
     python tests/bench/fit_floorplan.py [--first 1000] [--count 60] [--seconds 600]
 
-Prints the coefficients that ``mapgraft_floorplan/metrics.py`` holds, fitted on the buildings of even seed, and what the
-rule's limit takes of the right and wrong hypotheses in those of odd seed.
+Prints the coefficients that ``mapgraft_floorplan/metrics.py`` holds, and what the rule's limit takes of the right and
+wrong hypotheses of buildings that were left out of the fit.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mapgraft_floorplan.evidence_table import agreement
 from mapgraft_floorplan.grid_conversion import PlanToGrid
 from mapgraft_floorplan.layer import PlanLayer, Walls
 from mapgraft_floorplan.matcher import PlanCorrelation
-from mapgraft_floorplan.metrics import features
+from mapgraft_floorplan.metrics import COEFFICIENTS, features
 from mapgraft_floorplan.plan import plan_of as as_plan
 from mapgraft_grid.grid_map import GridMap
 from mapgraft_grid.layer import GridLayer
@@ -32,7 +32,8 @@ from mapgraft_recordings.buildings.plans import plan_of
 
 RIGHT_M, RIGHT_RAD = 0.5, math.radians(5.0)
 SCANS = (40, 80, 160, 320)
-TAKEN_FROM = 0.9
+TAKEN_FROM = 0.8
+FOLDS = 8
 RIDGE = 3e-4
 
 
@@ -64,7 +65,7 @@ class Case:
 class Tally:
     rows: list[list[float]] = field(default_factory=list)
     right: list[bool] = field(default_factory=list)
-    odd: list[bool] = field(default_factory=list)
+    seeds: list[int] = field(default_factory=list)
     first: dict[bool, list[bool]] = field(default_factory=lambda: {True: [], False: []})
     took_s: list[float] = field(default_factory=list)
     names: tuple[str, ...] = ()
@@ -117,7 +118,7 @@ def take(case: Case, tally: Tally) -> None:
         tally.names = tuple(known)
         tally.rows.append(list(known.values()))
         tally.right.append(ok)
-        tally.odd.append(bool(case.seed % 2))
+        tally.seeds.append(case.seed)
         if rank == 0:
             tally.first[case.free].append(ok)
             print(f"{case.seed} {case.kind:10} {case.scans:3} scans {'any scale' if case.free else 'known':9}", end=" ")
@@ -147,7 +148,7 @@ def main() -> None:
     asked.add_argument("--first", type=int, default=1000)
     asked.add_argument("--count", type=int, default=60)
     asked.add_argument("--seconds", type=float, default=math.inf, help="stop after about so long")
-    asked.add_argument("--rows", help="write odd seed, right and the features of every hypothesis to this file")
+    asked.add_argument("--rows", help="write seed, right and the features of every hypothesis to this file")
     options = asked.parse_args()
     tally, rng = Tally(), np.random.default_rng(5)
     ends = time.monotonic() + options.seconds
@@ -161,19 +162,21 @@ def main() -> None:
             except MapgraftError as error:
                 print(seed, error)
     if options.rows:
-        np.savetxt(options.rows, np.column_stack((tally.odd, tally.right, tally.rows)), header=" ".join(tally.names))
-    rows, right, odd = np.array(tally.rows), np.array(tally.right), np.array(tally.odd)
-    w = fit(rows[~odd], right[~odd])
-    print(
-        {name: round(float(value), 3) for name, value in zip(tally.names, w, strict=False)},
-        "intercept",
-        round(float(w[-1]), 3),
-    )
-    p = 1.0 / (1.0 + np.exp(-(np.column_stack((rows, np.ones(len(rows)))) @ w)))
-    for name, part in (("fitted on", ~odd), ("others", odd)):
-        taken = p[part] >= TAKEN_FROM
-        print(f"{name}: {right[part].sum()} right of which {100 * taken[right[part]].mean():.0f} % taken,", end=" ")
-        print(f"{(~right[part]).sum()} wrong of which {taken[~right[part]].sum()} taken")
+        np.savetxt(options.rows, np.column_stack((tally.seeds, tally.right, tally.rows)), header=" ".join(tally.names))
+    columns = [tally.names.index(name) for name in COEFFICIENTS]
+    rows, right = np.array(tally.rows)[:, columns], np.array(tally.right)
+    w = fit(rows, right)
+    told = {name: round(float(value), 3) for name, value in zip(COEFFICIENTS, w, strict=False)}
+    print(told, "intercept", round(float(w[-1]), 3))
+    fold, p = np.array(tally.seeds) % FOLDS, np.empty(len(rows))
+    for k in range(FOLDS):
+        out = fold == k
+        if out.any():
+            x = np.column_stack((rows[out], np.ones(out.sum())))
+            p[out] = 1.0 / (1.0 + np.exp(-(x @ fit(rows[~out], right[~out]))))
+    taken = p >= TAKEN_FROM
+    print(f"cross-validated: {right.sum()} right of which {100 * taken[right].mean():.0f} % taken,", end=" ")
+    print(f"{(~right).sum()} wrong of which {taken[~right].sum()} taken")
     for free, ok in tally.first.items():
         print(f"{'any scale' if free else 'known scale'}: first hypothesis right for {sum(ok)} of {len(ok)}")
     print(f"matching took {np.median(tally.took_s):.2f} s in the median, {max(tally.took_s):.2f} s at most")

@@ -65,8 +65,9 @@ def test_each_deviation_is_found(robot: tuple[OccupancyGrid, Layer], walls: NDAr
     assert by_kind["wall displaced"].value == pytest.approx(0.3, abs=0.06)
     assert by_kind["wall displaced"].start_m[0] == pytest.approx(5.3, abs=0.08)
     assert by_kind["wall missing"].value == pytest.approx(3.0, abs=0.4)
-    assert {by_kind["wall missing"].start_m[1], by_kind["wall missing"].end_m[1]} == {pytest.approx(2.0, abs=0.1)}
-    assert by_kind["wall added"].value == pytest.approx(3.5, abs=0.6)
+    for end in (by_kind["wall missing"].start_m, by_kind["wall missing"].end_m):
+        assert end[1] == pytest.approx(2.0, abs=0.1)
+    assert by_kind["wall added"].value == pytest.approx(2.0, abs=0.3)  # within 0.5 m of others it may be one of them
     assert by_kind["wall added"].start_m[0] == pytest.approx(5.0, abs=0.1)
     assert found.details["displaced_max_m"] == pytest.approx(0.3, abs=0.06)
 
