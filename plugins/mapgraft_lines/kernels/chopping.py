@@ -30,6 +30,15 @@ def count_pieces(ends: NDArray[np.float64], cell_m: float) -> int:
 
 
 @njit(cache=True)
+def _moments(row: NDArray[np.int64], w: int, px: int, py: int, sx: float, sy: float) -> None:
+    """Write the weighted moments of a piece with its middle at (px, py) that reaches over (sx, sy), all in steps."""
+    row[2], row[3] = w * px, w * py
+    row[4] = w * px * px + round(w * sx * sx / 12.0)
+    row[5] = w * px * py + round(w * sx * sy / 12.0)
+    row[6] = w * py * py + round(w * sy * sy / 12.0)
+
+
+@njit(cache=True)
 def chop(
     ends: NDArray[np.float64],
     faced: NDArray[np.bool_],
@@ -78,15 +87,9 @@ def chop(
                 py = round((y0 + middle * dy - iy * cell_m) * STEPS_PER_M)
                 sx, sy = (leaves - at) * dx * STEPS_PER_M, (leaves - at) * dy * STEPS_PER_M
                 keys[n] = key_of(ix, iy, slot)
-                counts[n, 0] = looks[i]
-                counts[n, 1] = w
-                counts[n, 2] = w * px
-                counts[n, 3] = w * py
-                counts[n, 4] = w * px * px + round(w * sx * sx / 12.0)
-                counts[n, 5] = w * px * py + round(w * sx * sy / 12.0)
-                counts[n, 6] = w * py * py + round(w * sy * sy / 12.0)
-                counts[n, 7] = round(w * ux)
-                counts[n, 8] = round(w * uy)
+                counts[n, 0], counts[n, 1] = looks[i], w
+                _moments(counts[n], w, px, py, sx, sy)
+                counts[n, 7], counts[n, 8] = round(w * ux), round(w * uy)
                 n += 1
             if leaves >= 1.0:
                 break
