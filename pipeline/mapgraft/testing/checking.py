@@ -217,13 +217,14 @@ def _judges(plugins: Plugins, offered: Offered, title: str, examples: int | None
     make = "make_acceptor" if offered.kind == "acceptor" else "make_verifier"
     name = offered.descriptor.name
     ruled = judged_in_rules(plugins, offered.kind, name, lambda map_type: supplies_of(plugins, map_type)[0]())
-    for rule, parameters, measured in ruled or [Use("", {}, {})]:
-        plugins.make(offered.kind, name, parameters)
+    for use in ruled or [Use("", {}, {})]:
+        plugins.make(offered.kind, name, use.parameters)
 
-        def made(self: Laws, parameters: dict[str, object] = parameters) -> object:
-            return plugins.make(offered.kind, name, parameters)
+        def made(self: Laws, use: Use = use) -> object:
+            return plugins.make(offered.kind, name, use.parameters)
 
-        yield _whole(kind, f"{title}, as in {rule!r}" if rule else title, examples, measured=measured, **{make: made})
+        given = {"measured": use.measured, "evidence": use.evidence, make: made}
+        yield _whole(kind, f"{title}, as in {use.rule!r}" if use.rule else title, examples, **given)
 
 
 def _policies(plugins: Plugins, offered: Offered, title: str, examples: int | None) -> Iterator[Case]:

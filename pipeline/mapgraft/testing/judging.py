@@ -69,7 +69,9 @@ class _Measured(Laws):
 
 
 class AcceptorLaws(_Measured):
-    """What an acceptor promises; ``make_acceptor`` must be written."""
+    """What an acceptor promises; ``make_acceptor`` must be written. ``evidence`` names matchers' numbers it wants."""
+
+    evidence: ClassVar[Sequence[str]] = ()
 
     def make_acceptor(self) -> Acceptor:
         """A new acceptor with the parameters to try."""
@@ -77,7 +79,8 @@ class AcceptorLaws(_Measured):
 
     def candidates(self) -> st.SearchStrategy[list[Candidate]]:
         """Candidates, best first."""
-        return st.lists(st.tuples(st.floats(0.0, 100.0), self.measurements()), max_size=4).map(_ranked)
+        told = st.fixed_dictionaries({name: st.floats(0.0, 100.0) for name in self.evidence})
+        return st.lists(st.tuples(st.floats(0.0, 100.0), self.measurements(), told), max_size=4).map(_ranked)
 
     @law("without a candidate the verdict is unmatched")
     def test_nothing_is_unmatched(self, drawing: Drawing) -> None:
@@ -180,15 +183,15 @@ class PolicyLaws(Laws):
 _REVERSAL = st.sampled_from(REVERSALS)
 
 
-def _ranked(given: list[tuple[float, Measurements]]) -> list[Candidate]:
+def _ranked(given: list[tuple[float, Measurements, dict[str, float]]]) -> list[Candidate]:
     ranked = sorted(given, key=lambda pair: -pair[0])
-    scores = [score for score, _ in ranked]
+    scores = [score for score, *_ in ranked]
     made = []
-    for n, (score, measurements) in enumerate(ranked):
+    for n, (score, measurements, evidence) in enumerate(ranked):
         rivals = scores[:n] + scores[n + 1 :]
         margin = score - max(rivals) if rivals else math.inf
         T = Transform.planar(float(n), -1.0, 0.3 * n)
-        made.append(Candidate(Match(T, score, margin), measurements))
+        made.append(Candidate(Match(T, score, margin, evidence=evidence), measurements))
     return made
 
 

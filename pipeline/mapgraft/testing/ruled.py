@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple, cast
 
 from mapgraft.comparison import Compared, Sight
@@ -25,6 +25,12 @@ class Use(NamedTuple):
     rule: str
     parameters: dict[str, object]
     measured: dict[str, tuple[str, ...]]
+
+    @property
+    def evidence(self) -> tuple[str, ...]:
+        """The matcher's numbers that the rule bounds."""
+        bounded = self.parameters.get("evidence")
+        return tuple(map(str, bounded)) if isinstance(bounded, Mapping) else ()
 
 
 def judged_in_rules(plugins: Plugins, kind: PluginKind, name: str, supply_of: Callable[[str], Supply]) -> list[Use]:
