@@ -14,6 +14,7 @@ from mapgraft.contracts import Comparison, ConfigError, Measurement
 from mapgraft_lines.evidence.anew import Anew
 from mapgraft_lines.evidence.features import features_of
 from mapgraft_lines.evidence.standing import standing_of
+from mapgraft_lines.kernels.explaining import STEP_M
 
 MODEL_FILE: Final = Path(__file__).with_name("posterior_model.json")
 
@@ -35,7 +36,7 @@ class LinePosterior:
     There is one regression with and one without the margin over the best other hypothesis; the one that uses most of
     what there is is taken. They were fitted on simulated buildings. ``model`` is a file with other coefficients, as
     ``fit_line_posterior`` writes it. The value is NaN when no wall lies where the other map knows something; the
-    support is what is explained or against, in pieces of 0.1 m. Details: ``log_odds``, and the features.
+    support is the length of those that do, in pieces of 0.1 m. Details: ``log_odds``, and the features.
     """
 
     def __init__(self, *, model: str | None = None) -> None:
@@ -46,7 +47,7 @@ class LinePosterior:
 
     def _measured(self, comparison: Comparison) -> Measurement:
         features = features_of(comparison)
-        support = standing_of(comparison).support
+        support = round(standing_of(comparison).joint_m / STEP_M)
         usable = [model for model in self.models if model.coefficients.keys() <= features.keys()]
         if not usable:
             return Measurement("line_posterior", math.nan, "1", support, "higher")
