@@ -17,6 +17,7 @@ from mapgraft_recordings.simulator.simulation import START_NS, Pose
 
 RIGHT_M, RIGHT_RAD = 0.5, math.radians(5.0)  # a merge is right when its transform is no further from the truth
 SAME_M, SAME_RAD, SAME_S = 0.3, math.radians(2.0), 3.0  # two runs agree when they differ by no more
+STANDING = ("provisional", "confirmed")
 TOLD = frozenset({"rejected", "unmatched", "ambiguous", "merged", "confirmed", "reverted"})
 
 
@@ -98,13 +99,13 @@ def outcome_of(events: Sequence[Event], T_world_map: Mapping[str, Pose]) -> Outc
     standing = tuple(
         Standing(event.receiver, event.donor, _is_right(event, truth), _pose(event.T_receiver_donor))
         for event in last.values()
-        if event.state in ("provisional", "confirmed") and event.T_receiver_donor
+        if event.state in STANDING and event.T_receiver_donor
     )
     return Outcome(T_world_map, tuple(told), tuple(sorted(standing, key=lambda s: (s.receiver, s.donor))))
 
 
 def with_deviations(outcome: Outcome, events: Sequence[Event], plan: DrawnPlan) -> Outcome:
-    """The outcome, with what the robots' latest findings tell of the alterations of a plan drawn in the world's frame.
+    """The outcome, with what findings in standing merges tell of the alterations of a plan in the world's frame.
 
     An alteration is reported when a finding of its kind lies with its middle no more than half a metre off it.
     """
@@ -112,7 +113,7 @@ def with_deviations(outcome: Outcome, events: Sequence[Event], plan: DrawnPlan) 
     reported: dict[str, tuple[Finding, ...]] = {}
     for event in events:
         for measurement in event.measurements:
-            if measurement.findings:
+            if measurement.findings and event.state in STANDING:
                 reported[event.receiver] = tuple(measurement.findings)
     found = {
         change.name: tuple(name for name, told in sorted(reported.items()) if _tells(told, truth[name], change))
