@@ -26,6 +26,8 @@ app = typer.Typer(
 )
 plugins_app = typer.Typer(no_args_is_help=True, help="What is installed.")
 app.add_typer(plugins_app, name="plugins")
+experiment_app = typer.Typer(no_args_is_help=True, help="Published experiments, run again by one command.")
+app.add_typer(experiment_app, name="experiment")
 
 Files = Annotated[
     list[Path] | None, typer.Argument(help="Recordings: MCAP, ROS 1 bag, ROS 2 bag, CARMEN log, map.yaml.")
@@ -81,6 +83,7 @@ def run(
     prior: Annotated[list[str] | None, typer.Option(help="Known pose: RECEIVER,DONOR=X,Y,YAW (m, rad).")] = None,
     forbid: Annotated[list[str] | None, typer.Option(help="Never merge this pair: A,B.")] = None,
     demo: Annotated[str | None, typer.Option(help="Replay a demo: grids (else taken), heterogeneous.")] = None,
+    report: Annotated[bool | None, typer.Option("--report/--no-report", help="Write report.html, too.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
     json: Json = False,
     no_plugin: NoPlugin = None,
@@ -89,7 +92,7 @@ def run(
     """Replay recordings, merge the robots' maps, verify, revert; without a file the demo recording."""
     from mapgraft.commands.run import Overrides, run_and_show
 
-    overrides = Overrides(start, end, every, reversal, tuple(prior or ()), tuple(forbid or ()))
+    overrides = Overrides(start, end, every, reversal, tuple(prior or ()), tuple(forbid or ()), report)
     run_and_show(
         files or [], config, out, overrides, demo_name=demo, quiet=quiet, as_json=json, without=no_plugin or []
     )
@@ -132,6 +135,18 @@ def forbid(
     from mapgraft.commands.hand import forbid_pair
 
     forbid_pair(out, merge, as_json=json)
+
+
+@app.command()
+def report(
+    out: Annotated[Path, typer.Argument(help="The folder of a run.")],
+    to: Annotated[Path | None, typer.Option("--out", "-o", help="The file to write, if not report.html in it.")] = None,
+    debug: Debug = False,
+) -> None:
+    """Write the page that shows a run: robots, timeline, every merge with pictures, metrics and reasons."""
+    from mapgraft.commands.report import report_and_show
+
+    report_and_show(out, to)
 
 
 @app.command()
@@ -241,6 +256,34 @@ def evaluate(
     drawing = Drawing(pairs, scans, further, across, seed)
     settings = Settings(drawing, map_type, resolution, other_resolution, rules, matcher, verifier, baseline, other_type)
     evaluate_and_show(files, config, settings, jobs=jobs, quiet=quiet, json_out=json, without=no_plugin or [])
+
+
+@experiment_app.command("andersone2021")
+def andersone2021(
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Recordings whose poses can be trusted; else the Intel log where it is, or the demo."),
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder to write to.")] = Path("andersone2021"),
+    right: Annotated[int, typer.Option(help="Right merges per combination of resolutions.")] = 20,
+    wrong: Annotated[int, typer.Option(help="Wrong merges per combination.")] = 20,
+    seed: Annotated[int, typer.Option(help="Another seed draws other pairs.")] = 0,
+    matcher: Annotated[str | None, typer.Option(help="A matcher in the place of Carpin's.")] = None,
+    scans: Annotated[int, typer.Option(help="Scans of a partial map.")] = 30,
+    further: Annotated[int, typer.Option(help="Scans that the receiver maps on.")] = 10,
+    draws: Annotated[int | None, typer.Option(help="Pairs to try per combination, at most.")] = None,
+    config: ConfigFile = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+    json: Json = False,
+    no_plugin: NoPlugin = None,
+    debug: Debug = False,
+) -> None:
+    """Section 4 of the paper: right and wrong merges kept in one map, two maps and the ledger, measured, reverted."""
+    from mapgraft.commands.experiment import conduct_and_show
+    from mapgraft.experiments.andersone2021 import Settings
+
+    settings = Settings(right, wrong, seed, matcher, scans, further, draws)
+    conduct_and_show(files or [], config, out, settings, quiet=quiet, as_json=json, without=no_plugin or [])
 
 
 @plugins_app.command("list")

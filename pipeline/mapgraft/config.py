@@ -147,10 +147,14 @@ class MissionConfig(Section):
 
 
 class OutputConfig(Section):
-    """What is written beside the events. ``snapshots`` writes maps to the MCAP before and after merges and reverts."""
+    """What is written beside the events.
+
+    ``snapshots`` writes maps to the MCAP before and after merges and reverts, ``report`` the page ``report.html``.
+    """
 
     snapshots: bool = True
     scans: bool = False
+    report: bool = True
 
 
 class Config(Section):

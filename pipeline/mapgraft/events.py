@@ -62,12 +62,24 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class DonorMap:
+    """A donor's map as a receiver has it: in the receiver's frame, unweighted, what metrics hold against its own.
+
+    ``map_type`` is the type in which the two maps meet, which is not always the receiver's.
+    """
+
+    map_type: MapType
+    map: Map
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
     """One robot's map as of now: its own, the fused one, and what it would offer.
 
     ``layer`` is the offered layer in its canonical encoding; equal bytes mean equal evidence. ``metadata`` is of the
     own map, ``version`` its number of observations: a single map offers what it had before its first merge. ``why``
-    tells what the snapshot was taken for.
+    tells what the snapshot was taken for. ``donors`` holds what stands in the fused map by the donor's name, before a
+    merge also what is about to enter it.
     """
 
     robot: str
@@ -80,6 +92,7 @@ class Snapshot:
     metadata: MapMetadata
     version: int
     merge_id: str = ""
+    donors: Mapping[str, DonorMap] = field(default_factory=dict)
 
 
 class Sink(Protocol):

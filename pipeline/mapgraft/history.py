@@ -9,7 +9,7 @@ from typing import Any, Literal
 from mapgraft.attempt import Attempt
 from mapgraft.contracts import Exactness, MapMetadata, MapType, Match, Measurement, Provenance, Sample, Transform
 from mapgraft.decision import Ruling
-from mapgraft.events import Event, Kind, Sink, Snapshot
+from mapgraft.events import DonorMap, Event, Kind, Sink, Snapshot
 from mapgraft.merge import Merge
 from mapgraft.procedures import Tools
 from mapgraft.reversal import Reversal
@@ -85,8 +85,12 @@ class Journal:
         sample: Sample | None = None,
         exactness: Exactness | None = None,
         size: int = 0,
+        evidence: Mapping[str, float] | None = None,
     ) -> None:
-        """Updated, verified, confirmed or reverted: what became of a standing merge."""
+        """Updated, verified, confirmed or reverted: what became of a standing merge.
+
+        ``evidence`` is the verifier's; the event has it beside the matcher's.
+        """
         measurements: Iterable[Measurement] = sample.measurements.values() if sample else ()
         self._record(
             kind,
@@ -94,7 +98,7 @@ class Journal:
             merge.donor,
             **_of_donor(merge.provenance),
             **_of_tools(merge.tools),
-            **_of_match(merge.match, merge.comparison.T_receiver_donor),
+            **_of_match(merge.match, merge.comparison.T_receiver_donor, evidence),
             merge_id=merge.merge_id,
             state=merge.state,
             reason=reason,
@@ -110,9 +114,11 @@ class Journal:
         stamp_ns: int,
         metadata: Callable[[], MapMetadata],
         layer: Callable[[], bytes],
+        donors: Callable[[], Mapping[str, DonorMap]],
         merge_id: str = "",
     ) -> None:
-        """The robot's maps as of now, if wanted; ``layer`` gives what it would offer, encoded."""
+        """The robot's maps as of now, if wanted; ``layer`` gives what it would offer, encoded, ``donors`` what it has
+        from others."""
         if not self.snapshots and why != "end":
             return
         reversal = self.reversal
@@ -128,6 +134,7 @@ class Journal:
                 metadata(),
                 reversal.version,
                 merge_id,
+                donors(),
             )
         )
 
@@ -161,7 +168,7 @@ def _of_tools(tools: Tools) -> dict[str, Any]:
 
 
 def _of_match(
-    match: Match | None, T_receiver_donor: Transform | None, fusion: Mapping[str, float] | None = None
+    match: Match | None, T_receiver_donor: Transform | None, further: Mapping[str, float] | None = None
 ) -> dict[str, Any]:
     if match is None:
         return {}
@@ -171,5 +178,5 @@ def _of_match(
         "covariance": match.covariance,
         "score": match.score,
         "margin": match.margin,
-        "evidence": {**match.evidence, **(fusion or {})},
+        "evidence": {**match.evidence, **(further or {})},
     }

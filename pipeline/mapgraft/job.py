@@ -135,14 +135,17 @@ def run(
             assembly = assemble(mission, checked, plugins, table, fan)  # before the folder is touched: it may refuse
         folder = None
         if out is not None:
-            folder = RunFolder(Path(out), stem(paths[0]), run_id, provenance, checked.output.scans)
+            output = checked.output
+            folder = RunFolder(Path(out), stem(paths[0]), run_id, provenance, output.scans, output.report)
             fan.sinks.append(stack.enter_context(folder))
             folder.keep(MISSION_FILE, remembered_text(paths, checked).encode())
         if opened is not None:
             opened(*_span_of(mission, checked))
         count = _replayed(mission, assembly, fan, watch)
+        lost, remarks = tuple(mission.tally.sentences()), tuple(_remarks(mission, assembly))
         if folder is not None:
             _tell_costs(folder, watch, assembly.exchange.traffic.sent)
+            folder.noticed((*remarks, *lost))
         return Result(
             run_id=run_id,
             folder=None if out is None else Path(out),
@@ -151,8 +154,8 @@ def run(
             observations=count,
             traffic=dict(assembly.exchange.traffic.sent),
             start_ns=mission.start_ns,
-            lost=tuple(mission.tally.sentences()),
-            remarks=tuple(_remarks(mission, assembly)),
+            lost=lost,
+            remarks=remarks,
         )
 
 

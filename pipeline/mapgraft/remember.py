@@ -64,6 +64,7 @@ def essence_text(files: Sequence[Path], config: Config, sha256: Mapping[Path, st
     ``sha256`` holds the digests of ``inputs_of``. The decision table is left out: a run's id has its text.
     """
     content = config.model_dump(mode="json", exclude={*HAND_FIELDS, "rules"})
+    del content["output"]["report"]  # a page about the run
     for name, robot in config.robots.items():
         named, poses = _named(files, config, name), robot.poses.file
         content["robots"][name]["files"] = [sha256[path] for path in named]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 from mapgraft.attempt import Attempt, Attempts, Grafted, Meeting
@@ -10,6 +10,7 @@ from mapgraft.candidates import Candidates, LastAttempt
 from mapgraft.contracts import Donation, MapMetadata, MapType, Observation, Prior, Provenance, Sample
 from mapgraft.decision import DecisionTable, facts_of
 from mapgraft.errors import MapError
+from mapgraft.events import DonorMap
 from mapgraft.exchange import LayerMessage, Offer
 from mapgraft.history import Journal, Moment
 from mapgraft.merge import Merge
@@ -166,12 +167,12 @@ class Robot:
         self, attempt: Attempt, grafted: Grafted, tools: Tools, merge_id: str, size: int, met: Encounter
     ) -> Merge:
         provenance, stamp_ns = grafted.contribution.provenance, met.stamp_ns
-        self._snapshot("before merge", stamp_ns, merge_id)
-        self.reversal.merge(merge_id, grafted.contribution)
-        self._fused_changed()
         made = (merge_id, tools, grafted.match, provenance, grafted.comparison, self.reversal.name)
         meeting = grafted.meeting if tools.refines and self.reversal.name != "single_map" else None
         merge = Merge(*made, self.trail, met.site, meeting)
+        self._snapshot("before merge", stamp_ns, merge_id, entering=(merge,))
+        self.reversal.merge(merge_id, grafted.contribution)
+        self._fused_changed()
         self.merges[merge.donor] = merge
         self.journal.attempted(stamp_ns, attempt, tools, merge_id, provenance, size)
         self._snapshot("after merge", stamp_ns, merge_id)
@@ -258,16 +259,23 @@ class Robot:
         verdict, by = merge.judge(), merge.tools.procedure.verify.use
         tell = merge.tells(verdict, tell)
         if verdict.action == "revert" and not merge.decided_by_person:
-            self.revert(merge, stamp_ns, verdict.reason, by, sample)
+            self.revert(merge, stamp_ns, verdict.reason, by, sample, evidence=verdict.evidence)
         elif verdict.action == "confirm" and merge.state == "provisional":
             merge.state = "confirmed"
-            self.journal.changed("confirmed", stamp_ns, merge, verdict.reason, by, sample)
+            self.journal.changed("confirmed", stamp_ns, merge, verdict.reason, by, sample, evidence=verdict.evidence)
         elif tell:
             said = f"confirmed by a person; {verdict.reason}" if merge.decided_by_person else verdict.reason
-            self.journal.changed("verified", stamp_ns, merge, said, by, sample)
+            self.journal.changed("verified", stamp_ns, merge, said, by, sample, evidence=verdict.evidence)
 
     def revert(
-        self, merge: Merge, stamp_ns: int, reason: str, by: str, sample: Sample | None = None, by_person: bool = False
+        self,
+        merge: Merge,
+        stamp_ns: int,
+        reason: str,
+        by: str,
+        sample: Sample | None = None,
+        by_person: bool = False,
+        evidence: Mapping[str, float] | None = None,
     ) -> None:
         """Take the donor's data out of the map again, and refuse its places from now on."""
         self._snapshot("before revert", stamp_ns, merge.merge_id)
@@ -277,7 +285,7 @@ class Robot:
         merge.state = "reverted"
         refusal = Refusal(merge.merge_id, tuple(merge.stood), merge.match.score, by_person)
         self.attempts.refusals.add(merge.donor, refusal)
-        self.journal.changed("reverted", stamp_ns, merge, reason, by, sample, exactness)
+        self.journal.changed("reverted", stamp_ns, merge, reason, by, sample, exactness, evidence=evidence)
         self._snapshot("after revert", stamp_ns, merge.merge_id)
 
     def _fused_changed(self) -> None:
@@ -294,5 +302,9 @@ class Robot:
                 self.verify(merge, stamp_ns, everything=True, tell=True)
         self._snapshot("end", stamp_ns)
 
-    def _snapshot(self, why: Moment, stamp_ns: int, merge_id: str = "") -> None:
-        self.journal.snapshot(why, stamp_ns, self.own_metadata, self.encoded_layer, merge_id)
+    def _snapshot(self, why: Moment, stamp_ns: int, merge_id: str = "", entering: tuple[Merge, ...] = ()) -> None:
+        def donors() -> Mapping[str, DonorMap]:
+            merges = (*self.merges.values(), *entering)
+            return {merge.donor: DonorMap(merge.comparison.map_type, merge.comparison.donor) for merge in merges}
+
+        self.journal.snapshot(why, stamp_ns, self.own_metadata, self.encoded_layer, donors, merge_id)

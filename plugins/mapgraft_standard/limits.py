@@ -63,6 +63,13 @@ class Limit:
         for detail, bounds in self.details.items():
             yield bounds.check(f"{detail} of {name}", measurement.details.get(detail, math.nan))
 
+    def told(self, measurement: Measurement) -> Iterator[tuple[str, Bounds]]:
+        """What is bounded, the metric as ``<metric>`` and its details as ``<metric>.<detail>``, and how."""
+        if self.bounds is not None or OWN_LIMIT in measurement.details:
+            yield measurement.name, self._bounds(measurement)
+        for detail, bounds in self.details.items():
+            yield f"{measurement.name}.{detail}", bounds
+
     def check(self, measurement: Measurement) -> Check:
         """All checks as one: passed when all are, otherwise the first that is not."""
         checks = list(self.checks(measurement))

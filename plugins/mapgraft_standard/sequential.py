@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 from mapgraft.contracts import ConfigError, Measurement, PluginError, Sample, Verdict
 from mapgraft_standard.limits import mapping_of
@@ -80,31 +80,48 @@ class Sequential:
         latest, news = history[-1], history[-1].measurements.get(self.news)
         if news is None:
             raise PluginError(f"the metric {self.news} was not measured: a rule must name it among its metrics")
-        if reversal != "single_map" and (fallen := self._fallen(history)) is not None:
-            return Verdict("revert", fallen)
-        if not news.support:
-            return Verdict("keep", "no new evidence yet")
         agreed, against, places = (_detail(news, name) for name in ("agreed", "against", "places"))
         start = self._start(history[0])
         wrong = start + against * self.if_against + agreed * self.if_agreed
+        evidence = self._evidence(wrong, reversal)
+        if reversal != "single_map" and (fallen := self._fallen(history)) is not None:
+            return Verdict("revert", fallen, evidence)
+        if not news.support:
+            return Verdict("keep", "no new evidence yet", evidence)
+        action, said = self._judge(wrong, start, news, latest.state == "confirmed" and places < self.places, reversal)
+        return Verdict(action, said, evidence)
+
+    def _judge(
+        self, wrong: float, start: float, news: Measurement, is_local: bool, reversal: str
+    ) -> tuple[Literal["keep", "confirm", "revert"], str]:
+        """What follows from the log-odds; ``is_local`` says that the merge is confirmed and too few places are against
+        it."""
+        against, places = _detail(news, "against"), _detail(news, "places")
         new_m = news.details.get("agreed_m", math.inf)
         said = (
             f"{against:g} of {news.support} new pieces of evidence are against it, in {places:g} places: "
             f"log-odds of being wrong {wrong:.1f}, {start:.1f} at the start"
         )
         if wrong >= self.upper:
-            if latest.state == "confirmed" and places < self.places:
-                return Verdict(
-                    "keep", f"{said}: what is against a confirmed merge is in less than {self.places} places"
-                )
-            return Verdict("revert", f"{said}; reverted from {self.upper:.1f} on")
+            if is_local:
+                return "keep", f"{said}: what is against a confirmed merge is in less than {self.places} places"
+            return "revert", f"{said}; reverted from {self.upper:.1f} on"
         if wrong > self.lower:
-            return Verdict("keep", f"{said}; undecided between {self.lower:.1f} and {self.upper:.1f}")
+            return "keep", f"{said}; undecided between {self.lower:.1f} and {self.upper:.1f}"
         if new_m < self.new_m:
-            return Verdict("keep", f"{said}; {new_m:.1f} of {self.new_m:g} m of new walls agree")
+            return "keep", f"{said}; {new_m:.1f} of {self.new_m:g} m of new walls agree"
         if not self.confirms.get(reversal, False):
-            return Verdict("keep", f"{said}; the rule never confirms what it sees here")
-        return Verdict("confirm", f"{said}; confirmed from {self.lower:.1f} down; {new_m:.1f} m of new walls agree")
+            return "keep", f"{said}; the rule never confirms what it sees here"
+        return "confirm", f"{said}; confirmed from {self.lower:.1f} down; {new_m:.1f} m of new walls agree"
+
+    def _evidence(self, wrong: float, reversal: str) -> dict[str, float]:
+        """Where the test stands, and its limits."""
+        evidence = {"log_odds_wrong": wrong, "log_odds_wrong.revert_at": self.upper}
+        if self.confirms.get(reversal, False):
+            evidence["log_odds_wrong.confirm_at"] = self.lower
+        if reversal != "single_map" and self.revert_below > 0.0:
+            evidence[f"{self.prior}.revert_at"] = self.revert_below
+        return evidence
 
     def _start(self, first: Sample) -> float:
         """The log-odds of being wrong with which the test starts."""

@@ -73,19 +73,22 @@ class Thresholds:
             raise PluginError(f"verifier thresholds knows the reversals {', '.join(REVERSALS)}, found {reversal!r}")
         demands = self.demands[reversal]
         limits = demands.limits_for(history[-1])
+        evidence = _evidence(history[-1], limits, demands.confirm_after is not None)
         standing = []
         for name, limit in limits.items():
             streak = _streak(history, name, limit)
             latest = _check(history[-1], name, limit)
             if latest.passed is False and streak >= demands.patience:
-                return Verdict("revert", f"{latest.text}, in {streak} samples in a row ({demands.patience} suffice)")
+                said = f"{latest.text}, in {streak} samples in a row ({demands.patience} suffice)"
+                return Verdict("revert", said, evidence)
             standing.append(latest.text + (f" ({streak} of {demands.patience} in a row)" if streak else ""))
         missing = _missing(history, limits, demands)
         said = ", ".join(standing)
         if missing:
-            return Verdict("keep", f"{said}; not confirmed: {', '.join(missing)}")
+            return Verdict("keep", f"{said}; not confirmed: {', '.join(missing)}", evidence)
         grown = ", ".join(f"{name} +{100 * _growth(history, name):.0f} %" for name in limits)
-        return Verdict("confirm", f"{said}; {history[-1].observations} observations since the merge, support: {grown}")
+        said = f"{said}; {history[-1].observations} observations since the merge, support: {grown}"
+        return Verdict("confirm", said, evidence)
 
 
 def _demands(common: Mapping[str, Any], special: Mapping[str, Any], reversal: str) -> Demands:
@@ -103,6 +106,21 @@ def _demands(common: Mapping[str, Any], special: Mapping[str, Any], reversal: st
             f"found patience={patience:g}, confirm_after={after}, new_support={new_support:g}"
         )
     return Demands(limits_of(metrics, where) if metrics else None, int(patience), confirm_after, new_support)
+
+
+def _evidence(sample: Sample, limits: Mapping[str, Limit], confirms: bool) -> dict[str, float]:
+    """The limits in force: at one and the same value a metric begins to speak for reverting and ceases to for
+    confirming."""
+    out: dict[str, float] = {}
+    for limit, measurement in ((limit, sample.measurements.get(name)) for name, limit in limits.items()):
+        for subject, bounds in limit.told(measurement) if measurement else ():
+            sides = {side: at for side, at in (("min", bounds.min), ("max", bounds.max)) if at is not None}
+            for side, at in sides.items():
+                suffix = f".{side}" if len(sides) == 2 else ""
+                out[f"{subject}.revert_at{suffix}"] = at
+                if confirms:
+                    out[f"{subject}.confirm_at{suffix}"] = at
+    return out
 
 
 def _check(sample: Sample, name: str, limit: Limit) -> Check:

@@ -14,7 +14,8 @@ from importlib.resources import files
 from typing import Any
 
 VERSION = "1.0.0"
-TABLES = ("events", "metrics", "maps", "labels", "recordings", "timings", "transforms")
+EXPERIMENTS = ("experiment_merges", "experiment_evidence", "experiment_verdicts", "experiment_times")
+TABLES = ("events", "metrics", "maps", "labels", "recordings", "timings", "transforms", *EXPERIMENTS)
 
 
 @dataclass(frozen=True, slots=True)

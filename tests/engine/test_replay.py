@@ -120,6 +120,19 @@ def test_snapshots_are_taken_around_merges_and_reverts_and_at_the_end(play):
     assert before.fused != after.fused
 
 
+def test_snapshots_show_the_donors_map_as_it_was_grafted_and_as_long_as_it_stands(play):
+    memory, _, _ = play(*ALIKE, (2, "alpha", 3), meet=(1,))
+    shown = [{name: dict(d.map.counts) for name, d in s.donors.items()} for s in memory.snapshots if s.robot == "alpha"]
+    assert shown == [{"bravo": {0: 1, 2: 1, 5: 1}}] * 3 + [{}] * 2  # before it enters, after, before the revert
+
+
+def test_what_the_verifier_tells_is_in_the_event_beside_what_the_matcher_told(play, plugins):
+    memory, _, _ = play(*ALIKE, (2, "alpha", 3), meet=(1,))
+    merged, reverted = (next(e for e in memory.events if e.kind == kind) for kind in ("merged", "reverted"))
+    assert "disagreement.revert_at" not in merged.evidence
+    assert reverted.evidence == {**merged.evidence, "disagreement.revert_at": 1.0}
+
+
 def test_three_robots_know_each_other_only_by_raw_layers(play):
     """bravo's share reaches alpha once, although charlie has merged bravo too."""
     memory, robots, _ = play(*ALIKE, (0, "charlie", 30, 32, 35), (2, "alpha", 0), meet=(1,))

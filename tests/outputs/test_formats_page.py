@@ -50,8 +50,9 @@ def test_every_message_is_on_the_page() -> None:
 def test_every_topic_and_record_is_on_the_page(here: Path) -> None:
     with AnyReader([here / "OUT/demo.merge.mcap"]) as reader:
         for connection in reader.connections:
-            robot = re.fullmatch(r"/[^/]+(/merged)?/map", connection.topic)
-            topic = f"/<robot>{robot[1] or ''}/<suffix>" if robot else connection.topic
+            robot = re.fullmatch(r"/[^/]+(/merged|/donors/[^/]+)?/map", connection.topic)
+            kind = re.sub("/donors/.*", "/donors/<donor>", robot[1] or "") if robot else ""
+            topic = f"/<robot>{kind}/<suffix>" if robot else connection.topic
             assert f"| `{topic}` |" in PAGE
     for record in ("merge_run", "merge_schema", "merge_names", *provenance().record("r1")):
         assert f"`{record}`" in PAGE

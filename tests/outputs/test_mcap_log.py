@@ -73,6 +73,7 @@ def test_rosbags_reads_every_message_with_the_types_in_the_file(merge_file: Path
         *("/tf", "/tf_static", "/merge/events", "/merge/links", "/rosout"),
         *(f"/{name}/map" for name in ROS.values()),
         *(f"/{name}/merged/map" for name in ROS.values()),
+        *("/alpha/donors/beta_2/map", "/beta_2_2/donors/alpha/map"),
     }
 
 
@@ -111,6 +112,14 @@ def test_maps_are_grids_in_the_robots_frames_each_where_it_changed(topics: Read)
     cells = grid.data.reshape(10, 10)
     assert (cells[:, 0] == 100).all() and (cells[:, 1:] == 0).all()
     assert merged[0][1].data.tolist() == grid.data.tolist() and merged[1][1].info.width == 41
+
+
+def test_what_came_in_is_a_grid_in_the_receivers_frame_said_when_it_changed(topics: Read) -> None:
+    given = topics["/alpha/donors/beta_2/map"]
+    assert [stamp for stamp, _ in given] == [START_NS + 10 * S] * 2
+    assert {message.header.frame_id for _, message in given} == {"alpha/map"}
+    assert [(message.info.width, message.info.height) for _, message in given] == [(1, 1), (34, 2)]
+    assert len(topics["/beta_2_2/donors/alpha/map"]) == 3  # before the merge, after it, the same again, as it was
 
 
 def test_every_robot_has_a_place_in_world_before_it_moves(topics: Read) -> None:
@@ -204,6 +213,7 @@ def test_metadata_and_attachments_tell_what_was_run(merge_file: Path) -> None:
     panel = json.loads(attachments["layout.json"].data)["configById"]["3D!mapgraft"]
     assert panel["followTf"] == "world"
     for name in ROS.values():
+        assert not panel["topics"].get(f"/{name}/donors/alpha/map", {"visible": False})["visible"]
         assert panel["topics"][f"/{name}/map"]["visible"] and panel["topics"][f"/{name}/merged/map"]["frameLocked"]
 
 

@@ -17,9 +17,10 @@ from plots import ALPHA, AT, START_NS, UNDERSCORE, S, provenance, tell, told
 from mapgraft.contracts import Observation, Transform
 from mapgraft.errors import OutputError
 from mapgraft.events import Event
+from mapgraft.outputs.lock import LOCK
 from mapgraft.outputs.null_sink import NullSink
 from mapgraft.outputs.read_back import read_events
-from mapgraft.outputs.run_folder import LOCK, ROUTINE, RunFolder
+from mapgraft.outputs.run_folder import ROUTINE, RunFolder
 
 TOYS = Path(__file__).parents[1] / "toys"
 MCAP = "demo.merge.mcap"

@@ -47,6 +47,19 @@ def test_without_new_evidence_it_stays_as_it_is_and_says_so() -> None:
     assert (verdict.action, verdict.reason) == ("keep", "no new evidence yet")
 
 
+@pytest.mark.parametrize(("reversal", "confirms"), [("ledger", True), ("multi_map", True), ("single_map", False)])
+def test_it_tells_where_it_stands_and_its_limits(reversal: str, confirms: bool) -> None:
+    verifier = Sequential(reversals={"single_map": {"confirm": False}})
+    for news in (sample(), sample(agreed=5, against=1), sample(agreed=60, against=2), sample(against=12)):
+        verdict = verifier.verify([sample(posterior=0.5), news], reversal)
+        told = dict(verdict.evidence)
+        wrong = told["log_odds_wrong"]
+        assert (verdict.action == "revert") == (wrong >= told["log_odds_wrong.revert_at"])
+        assert ("log_odds_wrong.confirm_at" in told) == confirms
+        assert verdict.action != "confirm" or wrong <= told["log_odds_wrong.confirm_at"]
+        assert ("posterior.revert_at" in told) == (reversal != "single_map")
+
+
 def test_a_sure_start_needs_less_and_still_something_new() -> None:
     verifier = Sequential(prior_max=9.0)
     sure, unsure = sample(posterior=1.0), sample(posterior=0.9)

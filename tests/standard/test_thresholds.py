@@ -64,6 +64,21 @@ def test_reasons_name_numbers_and_limits() -> None:
     assert "30 observations" in confirmed and "+30 %" in confirmed
 
 
+def test_it_tells_the_limits_in_force() -> None:
+    assert VERIFIER.verify(history([0.95]), "ledger").evidence == {
+        "similarity.revert_at": 0.9,
+        "similarity.confirm_at": 0.9,
+    }
+    asked = {"similarity": {"min": 0.5, "max": 0.9, "details": {"free": {"min": 0.2}}}}
+    verifier = Thresholds(metrics=asked, patience=1, confirm_after=None)
+    assert verifier.verify([sample(0.4, free=0.5)], "ledger").evidence == {
+        "similarity.revert_at.min": 0.5,
+        "similarity.revert_at.max": 0.9,
+        "similarity.free.revert_at": 0.2,
+    }
+    assert Thresholds(patience=1).verify([sample(0.8, limit=0.9)], "ledger").evidence["similarity.revert_at"] == 0.9
+
+
 def test_a_confirmation_rests_on_new_support() -> None:
     """What the transform was chosen on cannot test it."""
     assert VERIFIER.verify(history([0.95] * 30, growth=0), "ledger").action == "keep"

@@ -282,7 +282,8 @@ class AtMost:
         if math.isnan(value):
             return Verdict("keep", "there is too little to measure")
         if value > self.limit:
-            return Verdict("revert", f"{value:.0f} beacons disagree, {self.limit:.0f} may")
+            limit = {"disagreement.revert_at": self.limit + 1.0}
+            return Verdict("revert", f"{value:.0f} beacons disagree, {self.limit:.0f} may", limit)
         if now.observations >= self.confirm_after:
             return Verdict("confirm", f"nothing disagreed in {now.observations} observations")
         return Verdict("keep", "nothing disagrees")

@@ -26,7 +26,7 @@ from mapgraft.contracts import (
 from mapgraft.contracts import (
     Layer as AnyLayer,
 )
-from mapgraft.events import Event, Sink, Snapshot
+from mapgraft.events import DonorMap, Event, Sink, Snapshot
 from mapgraft.outputs.provenance import InputFile, RunProvenance
 
 S = 1_000_000_000
@@ -204,9 +204,16 @@ def tell(sink: Sink, story: Iterable[Observation | Event | Snapshot]) -> None:
 
 
 def snapshot(
-    robot: str, tick: int, why: Why, size: int, merge_id: str = "", extra: Mapping[tuple[int, int], int] | None = None
+    robot: str,
+    tick: int,
+    why: Why,
+    size: int,
+    merge_id: str = "",
+    extra: Mapping[tuple[int, int], int] | None = None,
+    donor: str = "",
 ) -> Snapshot:
-    """A square map of ``size`` cells with a wall on one side; ``extra`` cells are in the fused map only."""
+    """A square map of ``size`` cells with a wall on one side; ``extra`` cells are in the fused map only, from ``donor``
+    if there is one."""
     own = Plot({(x, y): 100 if x == 0 else 0 for x in range(size) for y in range(size)})
     kind = PlotType()
     return Snapshot(
@@ -220,6 +227,7 @@ def snapshot(
         kind.metadata(own),
         size,
         merge_id,
+        {donor: DonorMap(kind, Plot({(7, 7): 0, **dict(extra or {})}))} if donor else {},
     )
 
 
@@ -238,20 +246,20 @@ def _happenings() -> dict[int, list[Snapshot | dict[str, Any]]]:
             {"kind": "rejected", **pair, "reason": "no rule fits: 'all' needs a known scale", "by": "decision table"}
         ],
         200: [
-            snapshot(ALPHA, 200, "before merge", 10, first),
+            snapshot(ALPHA, 200, "before merge", 10, first, donor=AT),
             {"kind": "merged", "state": "provisional", "reason": "0.9 is above 0.5", "hypotheses": 2, **one}
             | {"measurements": (_similarity(0.91),), "evidence": {"support": 120.0}, "bytes_received": 5000},
-            snapshot(ALPHA, 200, "after merge", 10, first, extra={(40, 6): 100}),
+            snapshot(ALPHA, 200, "after merge", 10, first, extra={(40, 6): 100}, donor=AT),
         ],
         300: [
-            snapshot(UNDERSCORE, 300, "before merge", 12, second),
+            snapshot(UNDERSCORE, 300, "before merge", 12, second, donor=ALPHA),
             {"kind": "merged", "state": "provisional", **two},
-            snapshot(UNDERSCORE, 300, "after merge", 12, second, extra={(-8, 2): 100}),
+            snapshot(UNDERSCORE, 300, "after merge", 12, second, extra={(-8, 2): 100}, donor=ALPHA),
         ],
         350: [{"kind": "updated", "state": "provisional", "donor_version": 351, **one}],
         400: [{"kind": "confirmed", "state": "confirmed", "reason": "long enough", **one}],
         450: [
-            snapshot(UNDERSCORE, 450, "before revert", 13, second, extra={(-8, 2): 100}),
+            snapshot(UNDERSCORE, 450, "before revert", 13, second, extra={(-8, 2): 100}, donor=ALPHA),
             {"kind": "reverted", "state": "reverted", "reason": "0.2 is below 0.5", "exactness": lost, **two}
             | {"measurements": (_similarity(0.2),)},
             snapshot(UNDERSCORE, 450, "after revert", 13, second),

@@ -7,8 +7,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
+from mapgraft.commands.progress import counting
 from mapgraft.config import Config
 from mapgraft.console import cell, print_json, remarks, results
 from mapgraft.errors import UsageError
@@ -66,26 +65,9 @@ def _with_progress(
     files: Sequence[Path], config: Config, settings: Settings, plugins: Plugins, jobs: int, *, quiet: bool
 ) -> Evaluation:
     """Evaluate with a bar on stderr."""
-    console = remarks()
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=quiet or not console.is_terminal,
-    )
-    with bar:
-        task = bar.add_task("reading, then pairs (kernels compile on first use)", total=settings.drawing.pairs)
-        return evaluate(
-            files,
-            config,
-            settings,
-            plugins,
-            jobs=jobs,
-            progress=lambda done: bar.update(task, completed=done, description="pairs"),
-        )
+    pairs = settings.drawing.pairs
+    with counting("reading, then pairs (kernels compile on first use)", "pairs", quiet=quiet) as progress:
+        return evaluate(files, config, settings, plugins, jobs=jobs, progress=lambda done: progress(done, pairs))
 
 
 def _require_writable(path: Path) -> None:

@@ -20,6 +20,7 @@ class Overrides:
     reversal: str | None = None
     priors: tuple[str, ...] = ()
     forbidden: tuple[str, ...] = ()
+    report: bool | None = None
 
     def apply(self, config: Config) -> Config:
         """The configuration with the options in place; raises UsageError or ConfigError when one does not fit."""
@@ -30,6 +31,8 @@ class Overrides:
             content["reversal"] = self.reversal
             for robot in content["robots"].values():
                 robot["reversal"] = self.reversal
+        if self.report is not None:
+            content["output"]["report"] = self.report
         content["priors"] += [parse_prior(text) for text in self.priors]
         content["forbid"] += [parse_pair("--forbid", text) for text in self.forbidden]
         return parse_config(content, origin="the command line")

@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Self
 
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskProgressColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
 
 from mapgraft.console import remarks
 from mapgraft.contracts import Observation
@@ -72,3 +81,24 @@ class ProgressSink:
 
     def mapped(self, snapshot: Snapshot) -> None:
         pass
+
+
+@contextmanager
+def counting(waiting: str, what: str, *, quiet: bool) -> Iterator[Callable[[int, int], None]]:
+    """A bar on stderr for things that are counted: tell it how many are done, and of how many.
+
+    It shows what is ``waiting`` until the first is done.
+    """
+    console = remarks()
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=quiet or not console.is_terminal,
+    )
+    with bar:
+        task = bar.add_task(waiting, total=None)
+        yield lambda done, wanted: bar.update(task, completed=done, total=wanted, description=what)

@@ -13,6 +13,7 @@ from rich.table import Table
 from mapgraft.console import cell, results
 from mapgraft.events import Event
 from mapgraft.job import Result
+from mapgraft.outputs.run_folder import REPORT
 
 
 def print_summary(result: Result) -> None:
@@ -31,7 +32,10 @@ def print_summary(result: Result) -> None:
     for sentence in (*result.remarks, *result.lost):
         console.print(cell(sentence), style="yellow")
     if result.folder:
+        page = result.folder / REPORT
         console.print(cell(f"Written to {result.folder}"))
+        if page.is_file():
+            console.print(cell(f"To look at: {page}"))
 
 
 def as_json_summary(result: Result) -> dict[str, Any]:

@@ -161,8 +161,17 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
+    """What the verifier says, and the numbers behind it.
+
+    ``evidence`` goes into the event. By convention ``<name>.revert_at`` and ``<name>.confirm_at`` are the limits of
+    ``<name>``, which is another entry of the evidence, a metric, or ``<metric>.<detail>``: at that value or beyond it
+    the merge is reverted or confirmed, as far as this number has a say. A number that has a limit to each side tells
+    the two as ``<name>.revert_at.min`` and ``<name>.revert_at.max``.
+    """
+
     action: Literal["keep", "confirm", "revert"]
     reason: str
+    evidence: Mapping[str, float] = field(default_factory=dict)
 
 
 class Verifier(Protocol):

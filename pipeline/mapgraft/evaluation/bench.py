@@ -6,18 +6,18 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.resources import files
 from pathlib import Path
 
 from mapgraft.assembly import preferred_type
 from mapgraft.config import Config
 from mapgraft.contracts import Layer, MapType
-from mapgraft.decision import DecisionTable, build_table, parse_rules
+from mapgraft.decision import DecisionTable, build_table
 from mapgraft.errors import UsageError
 from mapgraft.evaluation.building import build
 from mapgraft.evaluation.courses import Course
 from mapgraft.evaluation.drawing import Drawing, PairPlan, draw_pairs
 from mapgraft.evaluation.growth import grow
+from mapgraft.evaluation.paper import paper_rules
 from mapgraft.evaluation.scored import Scored, score
 from mapgraft.evaluation.trial import attempt, offering
 from mapgraft.plugins import Plugins
@@ -156,9 +156,7 @@ class Bench:
         return Judged(number, by)
 
     def _add_baseline(self) -> None:
-        text = files("mapgraft.evaluation").joinpath("paper.yaml").read_text(encoding="utf-8")
-        rules = parse_rules(text, "of the paper")
-        table = build_table(self.plugins, [rule.model_dump(mode="json", exclude_unset=True) for rule in rules])
+        table = paper_rules(self.plugins)
         why = table.records[0].lacking or table.records[0].obstacle(self.map_type, self.other_map_type)
         types = {self.map_type, self.other_map_type}
         if types != {"occupancy_grid"} or why is not None:

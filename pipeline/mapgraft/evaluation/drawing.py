@@ -118,17 +118,41 @@ def draw_pairs(courses: Sequence[Course], drawing: Drawing) -> list[PairPlan]:
     count = round(drawing.pairs * drawing.across) if across else 0
     within = _groups(_within(usable, drawing)) if count < drawing.pairs else []
     if count < drawing.pairs and not within:
-        longest = max(map(len, courses), default=0)
-        raise UsageError(
-            f"no recording holds two windows: {2 * drawing.span + APART_SCANS} scans in a row would do for windows of "
-            f"{drawing.scans} scans and {drawing.further} further ones, the longest has {longest}: "
-            "take shorter windows with --scans and --further"
-        )
+        raise _no_two_windows(courses, drawing)
     drawn = {
         "within": _drawn(within, drawing.pairs - count, drawing, "within"),
         "across": _drawn(across, count, drawing, "across"),
     }
     return [_plan(number, *next(drawn[kind]), drawing) for number, kind in enumerate(_turns(drawing.pairs, count))]
+
+
+def draw_on(courses: Sequence[Course], drawing: Drawing) -> Iterator[PairPlan]:
+    """The pairs within recordings that ``draw_pairs`` begins with, one after the other, until there is no other left.
+
+    ``drawing.pairs`` and ``across`` are not looked at. Raises UsageError when no recording holds two windows.
+    """
+    usable = [course for course in courses if len(course) >= drawing.span]
+    groups = _groups(_within(usable, drawing))
+    if not groups:
+        raise _no_two_windows(courses, drawing)
+    streams = [_of_group(group, _pairs_of(group), drawing, "within", k) for k, group in enumerate(groups)]
+    number = 0
+    while streams:
+        for stream in list(streams):
+            if (drawn := next(stream, None)) is None:
+                streams.remove(stream)
+                continue
+            yield _plan(number, *drawn, drawing)
+            number += 1
+
+
+def _no_two_windows(courses: Sequence[Course], drawing: Drawing) -> UsageError:
+    longest = max(map(len, courses), default=0)
+    return UsageError(
+        f"no recording holds two windows: {2 * drawing.span + APART_SCANS} scans in a row would do for windows of "
+        f"{drawing.scans} scans and {drawing.further} further ones, the longest has {longest}: "
+        "take shorter windows with --scans and --further"
+    )
 
 
 def _turns(pairs: int, across: int) -> Iterator[str]:
@@ -144,6 +168,10 @@ def _drawn(
     streams = [_of_group(group, -(-(pairs - k) // len(groups)), drawing, kind, k) for k, group in enumerate(groups)]
     for number in range(pairs):
         yield next(streams[number % len(streams)])
+
+
+def _pairs_of(group: Sequence[_Choice]) -> int:
+    return sum(int(choice.counts.sum()) for choice in group)
 
 
 def _of_group(

@@ -54,7 +54,7 @@ class McapLog:
         self._bodies: dict[str, FramePair] = {}
         self._body_due_ns: dict[str, int] = {}
         self._T_world_map: dict[str, Transform] = {}
-        self._shown: dict[str, str] = {}
+        self._shown: dict[str, tuple[str, bool]] = {}  # topic → message type, visible in the layout
         self._sequence = 0
         self._writer: Any = Writer(stream, compression=CompressionType.ZSTD)
         self._writer.start("ros2", f"mapgraft/{provenance.version}")
@@ -117,14 +117,18 @@ class McapLog:
         fields = scan_points(observation)
         if fields is not None:
             name = self._names[observation.robot]
-            self._shown[f"/{name}/scan"] = POINTS_TYPE
+            self._shown[f"/{name}/scan"] = (POINTS_TYPE, True)
             self._say(f"/{name}/scan", POINTS_TYPE, STREAMED, observation.stamp_ns, f"{name}/map", fields)
 
     def mapped(self, snapshot: Snapshot) -> None:
-        """A robot's own map on ``/<robot>/…`` and its fused map on ``/<robot>/merged/…``, each where it has changed."""
-        name = self._names[snapshot.robot]
+        """A robot's own map on ``/<robot>/…``, its fused map on ``/<robot>/merged/…`` and what it has of others on
+        ``/<robot>/donors/<donor>/…``, each where it has changed."""
+        name, stamp_ns = self._names[snapshot.robot], snapshot.stamp_ns
         for prefix, map_ in ((f"/{name}", snapshot.own), (f"/{name}/merged", snapshot.fused)):
-            self._map(prefix, f"{name}/map", snapshot.stamp_ns, snapshot.map_type, map_)
+            self._map(prefix, f"{name}/map", stamp_ns, snapshot.map_type, map_)
+        for donor, placed in snapshot.donors.items():
+            prefix = f"/{name}/donors/{self._names[donor]}"
+            self._map(prefix, f"{name}/map", stamp_ns, placed.map_type, placed.map, visible=False)
 
     def flush(self) -> None:
         """Everything said so far is on disk when this returns."""
@@ -145,7 +149,9 @@ class McapLog:
         self.durable = self._stream.tell()
         return layout.encode()
 
-    def _map(self, prefix: str, frame_id: str, stamp_ns: int, map_type: MapType, map_: Map) -> None:
+    def _map(
+        self, prefix: str, frame_id: str, stamp_ns: int, map_type: MapType, map_: Map, visible: bool = True
+    ) -> None:
         for message in map_type.messages(map_):
             topic = f"{prefix}/{message.suffix}"
             try:
@@ -158,7 +164,7 @@ class McapLog:
             digest = hashlib.blake2b(body, digest_size=16).digest()
             if self._digests.get(topic) != digest:
                 self._digests[topic] = digest
-                self._shown[topic] = message.message_type
+                self._shown[topic] = (message.message_type, visible)
                 self._write(self._channel(topic, message.message_type, LATCHED), stamp_ns, data)
 
     def _body(self, robot: str) -> FramePair:
@@ -210,10 +216,10 @@ class McapLog:
     def _layout(self, span_m: tuple[float, float, float] | None) -> dict[str, object]:
         layout = viewer_layout()
         panel = layout["configById"]["3D!mapgraft"]
-        for topic, message_type in sorted(self._shown.items()):
+        for topic, (message_type, visible) in sorted(self._shown.items()):
             if message_type in _SHOWN:
                 # frameLocked: a map moves with its frame, also when the frame moves after the map was said
-                panel["topics"][topic] = {"visible": True, "frameLocked": True, "colorMode": "map", "alpha": 0.6}
+                panel["topics"][topic] = {"visible": visible, "frameLocked": True, "colorMode": "map", "alpha": 0.6}
         if span_m is not None:
             x, y, size = span_m
             panel["cameraState"] |= {"targetOffset": [x, y, 0], "distance": max(size, 10.0)}

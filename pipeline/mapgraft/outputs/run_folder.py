@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
@@ -16,6 +15,7 @@ from mapgraft.errors import OutputError
 from mapgraft.events import Event, Snapshot
 from mapgraft.outputs.files import Tally, Trajectories, connected, json_bytes, map_files, transforms_csv
 from mapgraft.outputs.findings import FINDINGS, LatestFindings
+from mapgraft.outputs.lock import lock
 from mapgraft.outputs.mcap_log import McapLog
 from mapgraft.outputs.names import file_names
 from mapgraft.outputs.parquet_log import WRITTEN, ParquetLog, PartWriter, other_parts
@@ -28,8 +28,8 @@ from mapgraft.stopwatch import Stopwatch
 from mapgraft_schemas import VERSION
 
 ROUTINE = ("offered", "verified")  # events that wait for the next decision to be brought to disk
-LOCK = ".mapgraft.lock"
 SUMMARY = "summary.json"
+REPORT = "report.html"
 WRITING = "writing"  # the stage of a run that is spent here
 _BATCH = 512  # poses and events that wait to be written together
 _OURS = ("maps/", "trajectories/")  # where files of an earlier run are taken away when this one has none of that name
@@ -41,26 +41,30 @@ class RunFolder:
     Everything is written under ``.partial`` names. A decision is on disk when ``happened`` returns. ``finish`` renames
     everything at once; ``abort`` leaves the partial files behind, from which ``read_events`` reads every decision. As
     a context manager it finishes, or aborts when an error came through. Tables of other runs in the folder stay.
+    With ``report`` the page of the run is made when all else is published, from what is in the folder then.
 
     Raises OutputError when the folder cannot be written, or when another run is writing it.
     """
 
-    def __init__(self, out: Path, stem: str, run_id: str, provenance: RunProvenance, scans: bool = False) -> None:
+    def __init__(
+        self, out: Path, stem: str, run_id: str, provenance: RunProvenance, scans: bool = False, report: bool = False
+    ) -> None:
         if not (run_id[:1].isalpha() and run_id.isascii() and run_id.replace("_", "").replace("-", "").isalnum()):
             raise OutputError(f"a run id is a letter and then letters, digits, '_' and '-', found {run_id!r}")
         self._out, self._run_id, self._provenance = out, run_id, provenance
-        self._scans = scans
+        self._scans, self._report = scans, report
         self._queue: list[Pose | tuple[int, Event]] = []
         self._snapshots: dict[str, Snapshot] = {}
         self._standing, self._scene, self._tally = StandingMerges(), Scene(), Tally()
         self._found = LatestFindings()
         self._names = file_names()
         self._traffic: dict[tuple[str, str], int] = {}
+        self._remarks: tuple[str, ...] = ()
         self._watch = Stopwatch()
         self._intact = self._open = True
         with writing(out):
             out.mkdir(parents=True, exist_ok=True)
-            self._lock = _locked(out)
+            self._lock = lock(out)
             try:
                 self._staging = Staging(out)
                 self._mcap_name = f"{stem}.merge.mcap"
@@ -116,6 +120,10 @@ class RunFolder:
         """How many bytes went from each donor to each receiver, for the summary."""
         self._traffic.update(traffic)
 
+    def noticed(self, remarks: Sequence[str]) -> None:
+        """What there is to say about the recordings and what of them was left out, in sentences, for the summary."""
+        self._remarks = tuple(remarks)
+
     def finish(self) -> None:
         """Make everything whole, then give every file its final name; nothing of it is half-written at any time."""
         with self._writing():
@@ -131,9 +139,14 @@ class RunFolder:
                 self._parquet.timed(stage.name, stage.elapsed_s, stage.count)
             self._parquet.close(self._provenance.inputs)
             earlier = _files_of(self._out / SUMMARY)
+            (self._out / REPORT).unlink(missing_ok=True)  # it tells of what is replaced now
             published = self._staging.publish()
             self._remove_leftovers(earlier, published)
-        self._close()
+        try:
+            if self._report:
+                self._tell()
+        finally:
+            self._close()
 
     def abort(self) -> None:
         """Stop here: leave partial files that hold everything reported so far. Never raises for a folder that fails."""
@@ -187,6 +200,18 @@ class RunFolder:
         if changed:
             self._place(last[1].stamp_ns if len(last) == 2 else last[2], redraw=True)
 
+    def _tell(self) -> None:
+        """Write the page of the run; raises OutputError when that goes wrong, which takes nothing from the run."""
+        from mapgraft.outputs.report import page_of, publish
+
+        try:
+            publish(self._out, page_of(self._out))
+        except Exception as error:
+            raise OutputError(
+                f"the run is whole in {self._out}, but its {REPORT} could not be made: {error}; "
+                "'mapgraft report' makes it without running again"
+            ) from error
+
     def _place(self, stamp_ns: int, redraw: bool = False) -> None:
         """Say where the map frames lie when that has changed, and draw the merges."""
         merges = self._standing.merges
@@ -215,6 +240,7 @@ class RunFolder:
                 {"donor": donor, "receiver": receiver, "bytes": size}
                 for (donor, receiver), size in sorted(self._traffic.items())
             ],
+            "remarks": list(self._remarks),
             "files": [name for name in self._staging.names if "/run_id=" not in name],
         }
         self._staging.write(SUMMARY, json_bytes(summary))  # the last one renamed: who finds it finds all others
@@ -255,20 +281,6 @@ class RunFolder:
     def _close(self) -> None:
         self._open = False
         os.close(self._lock)
-
-
-def _locked(out: Path) -> int:
-    """An open descriptor that holds the folder's lock; closing it, or dying, gives it back."""
-    descriptor = os.open(out / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(descriptor)
-        raise OutputError(f"{out} is being written by another run: wait for it or choose another folder") from None
-    except BaseException:
-        os.close(descriptor)
-        raise
-    return descriptor
 
 
 def _files_of(summary: Path) -> list[str]:

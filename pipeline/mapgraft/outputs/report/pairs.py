@@ -1,0 +1,73 @@
+"""What did not come to a merge, per ordered pair of robots, with every reason."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from mapgraft.events import Event
+from mapgraft.outputs.report.words import TONES, Clock, count, happened
+
+_KINDS: Final = ("rejected", "unmatched", "ambiguous")
+_MOST_REASONS: Final = 400  # of a pair
+_MOST_PAIRS: Final = 400
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    kind: str
+    tone: str
+    text: str
+    by: str
+    times: int
+    first: str
+    last: str
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """One ordered pair; ``left_out`` reasons have no row."""
+
+    receiver: str
+    donor: str
+    counts: str
+    reasons: Sequence[Reason]
+    left_out: int
+
+
+@dataclass(frozen=True, slots=True)
+class NotMerged:
+    pairs: Sequence[Pair]
+    left_out: int
+
+
+def not_merged(decisions: Sequence[Event], clock: Clock) -> NotMerged:
+    """Attempts that were turned away; equal reasons of a pair are one row."""
+    by_pair: dict[tuple[str, str], list[Event]] = {}
+    for event in decisions:
+        if event.kind in _KINDS:
+            by_pair.setdefault((event.receiver, event.donor), []).append(event)
+    pairs = [_pair(*pair, by_pair[pair], clock) for pair in sorted(by_pair)[:_MOST_PAIRS]]
+    return NotMerged(pairs, len(by_pair) - len(pairs))
+
+
+def _pair(receiver: str, donor: str, events: Sequence[Event], clock: Clock) -> Pair:
+    alike: dict[tuple[str, str, str], list[Event]] = {}
+    for event in events:
+        alike.setdefault((event.kind, event.reason, event.by), []).append(event)
+    reasons = [
+        Reason(
+            happened(found[0].kind).lower(),
+            TONES[kind],
+            reason,
+            by,
+            len(found),
+            clock.at(found[0].stamp_ns),
+            clock.at(found[-1].stamp_ns) if len(found) > 1 else "",
+        )
+        for (kind, reason, by), found in list(alike.items())[:_MOST_REASONS]
+    ]
+    counted = [(kind, sum(event.kind == kind for event in events)) for kind in _KINDS]
+    said = ", ".join(count(n, f"time {kind}", f"times {kind}") for kind, n in counted if n)
+    return Pair(receiver, donor, said, reasons, len(alike) - len(reasons))

@@ -1,0 +1,204 @@
+"""Maps as a viewer sees them: messages as cells seen from above."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Cells = NDArray[np.uint8]  # (h, w) of UNKNOWN, FREE, OCCUPIED; row 0 at the smallest y
+
+UNKNOWN, FREE, OCCUPIED = range(3)
+FREE_TO, OCCUPIED_FROM = 35, 65  # percent: what lies between says nothing
+_POINTS_ACROSS: Final = 400  # cells along the longer side of what has no cells of its own
+_DATATYPES: Final = {7: "f4", 8: "f8"}  # of sensor_msgs/PointField
+_ADD, _DELETE, _DELETE_ALL = 0, 2, 3  # actions of visualization_msgs/Marker
+_LARGEST: Final = 6000  # cells along a side that are looked at one by one
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Raster:
+    """Cells of ``cell_m`` whose lower-left corner is (``x_m``, ``y_m``) in the map's frame."""
+
+    cells: Cells
+    x_m: float
+    y_m: float
+    cell_m: float
+
+    @property
+    def bounds_m(self) -> tuple[float, float, float, float]:
+        """x_min, y_min, x_max, y_max."""
+        h, w = self.cells.shape
+        return self.x_m, self.y_m, self.x_m + w * self.cell_m, self.y_m + h * self.cell_m
+
+    def trimmed(self) -> Raster | None:
+        """Without the unknown around; None when nothing is known."""
+        rows, columns = (np.flatnonzero(self.cells.any(axis=axis)) for axis in (1, 0))
+        if not len(rows):
+            return None
+        (r0, r1), (c0, c1) = (rows[0], rows[-1] + 1), (columns[0], columns[-1] + 1)
+        x_m, y_m = self.x_m + c0 * self.cell_m, self.y_m + r0 * self.cell_m
+        return Raster(self.cells[r0:r1, c0:c1], float(x_m), float(y_m), self.cell_m)
+
+
+@dataclass(frozen=True, slots=True)
+class Canvas:
+    """A rectangle of square cells in one frame, on which several maps are drawn."""
+
+    x_m: float
+    y_m: float
+    cell_m: float
+    rows: int
+    columns: int
+
+    @classmethod
+    def around(cls, *rasters: Raster | None, edge: float = 0.03) -> Canvas | None:
+        """Around all that are there, in the cells of the first one and on its lattice, with a share of ``edge``."""
+        given = [raster for raster in rasters if raster is not None]
+        if not given:
+            return None
+        x0, y0, x1, y1 = (np.array([raster.bounds_m for raster in given])[:, side] for side in range(4))
+        low, high = np.array([x0.min(), y0.min()]), np.array([x1.max(), y1.max()])
+        first, cell_m = given[0], given[0].cell_m
+        extent = float((high - low).max())
+        cell_m *= max(1, math.ceil(extent / cell_m / _LARGEST))
+        corner = np.array([first.x_m, first.y_m])
+        before = np.ceil((corner - low + edge * extent) / cell_m - 1e-6)
+        after = np.ceil((high - corner + edge * extent) / cell_m - 1e-6)
+        x_m, y_m = (corner - before * cell_m).tolist()
+        columns, rows = (before + after).astype(int).tolist()
+        return cls(x_m, y_m, cell_m, rows, columns)
+
+    def cells_of(self, raster: Raster | None) -> Cells:
+        """What a map says in every cell of the canvas: where several of its cells fall into one, the wall shows."""
+        out = np.zeros((self.rows, self.columns), np.uint8)
+        if raster is None:
+            return out
+        if raster.cell_m >= self.cell_m * (1.0 - 1e-6):
+            rows, inside_y = _looked_up(self.y_m, self.cell_m, self.rows, raster.y_m, raster.cell_m, len(raster.cells))
+            columns, inside_x = _looked_up(
+                self.x_m, self.cell_m, self.columns, raster.x_m, raster.cell_m, raster.cells.shape[1]
+            )
+            if len(rows) and len(columns):
+                whole = (slice(inside_y[0], inside_y[-1] + 1), slice(inside_x[0], inside_x[-1] + 1))
+                out[whole] = raster.cells[rows][:, columns]
+            return out
+        at_row, at_column = np.nonzero(raster.cells)
+        rows = np.floor((raster.y_m + (at_row + 0.5) * raster.cell_m - self.y_m) / self.cell_m).astype(np.intp)
+        columns = np.floor((raster.x_m + (at_column + 0.5) * raster.cell_m - self.x_m) / self.cell_m).astype(np.intp)
+        inside = (rows >= 0) & (rows < self.rows) & (columns >= 0) & (columns < self.columns)
+        np.maximum.at(out, (rows[inside], columns[inside]), raster.cells[at_row[inside], at_column[inside]])
+        return out
+
+
+def raster_of(message_type: str, message: Any) -> Raster | None:
+    """A decoded message from above; None when there is nothing to see, or no picture of such a message."""
+    make = _MAKERS.get(message_type)
+    return make(message) if make else None
+
+
+def is_drawable(message_type: str) -> bool:
+    return message_type in _MAKERS
+
+
+def _looked_up(
+    from_m: float, cell_m: float, n: int, raster_m: float, raster_cell_m: float, raster_n: int
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Along one axis: the raster's index for each of the canvas' cells that it covers, and these cells' indices."""
+    centres = from_m + (np.arange(n) + 0.5) * cell_m
+    index = np.floor((centres - raster_m) / raster_cell_m).astype(np.intp)
+    inside = np.flatnonzero((index >= 0) & (index < raster_n))
+    return index[inside], inside
+
+
+def _grid(message: Any) -> Raster | None:
+    info, origin = message.info, message.info.origin
+    data = np.asarray(message.data, np.int8)
+    if not data.size or data.size != info.width * info.height or not info.resolution > 0.0:
+        return None
+    values = data.reshape(info.height, info.width)
+    cells = np.zeros(values.shape, np.uint8)
+    cells[(values >= 0) & (values <= FREE_TO)] = FREE
+    cells[values >= OCCUPIED_FROM] = OCCUPIED
+    cell_m = float(f"{info.resolution:.6g}")  # float32 0.05 is 0.0500000007
+    raster = Raster(cells, origin.position.x, origin.position.y, cell_m)
+    q = origin.orientation
+    yaw_rad = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+    upright = raster if abs(yaw_rad) < 1e-9 else _turned(raster, yaw_rad)
+    return upright.trimmed()
+
+
+def _turned(raster: Raster, yaw_rad: float) -> Raster:
+    """A grid that lies askew about its corner, on upright cells of the same size."""
+    h, w = raster.cells.shape
+    c, s, cell_m = math.cos(yaw_rad), math.sin(yaw_rad), raster.cell_m
+    R = np.array([[c, -s], [s, c]])
+    corners = np.array([[0, 0], [w, 0], [0, h], [w, h]]) * cell_m @ R.T
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    columns, rows = np.ceil((high - low) / cell_m).astype(int).tolist()
+    y, x = np.mgrid[0:rows, 0:columns]
+    points = np.stack((x.ravel() + 0.5, y.ravel() + 0.5), axis=1) * cell_m + low
+    at = np.floor(points @ R / cell_m).astype(np.intp)  # R turns back from the right
+    inside = (at >= 0).all(axis=1) & (at[:, 0] < w) & (at[:, 1] < h)
+    out = np.zeros(rows * columns, np.uint8)
+    out[inside] = raster.cells[at[inside, 1], at[inside, 0]]
+    return Raster(out.reshape(rows, columns), raster.x_m + float(low[0]), raster.y_m + float(low[1]), cell_m)
+
+
+def _cloud(message: Any) -> Raster | None:
+    fields = {field.name: (field.offset, field.datatype) for field in message.fields}
+    if not all(axis in fields and fields[axis][1] in _DATATYPES for axis in "xy"):
+        return None
+    count = int(message.width) * int(message.height)
+    data = np.asarray(message.data, np.uint8)
+    if not count or len(data) < count * message.point_step:
+        return None
+    order = ">" if message.is_bigendian else "<"
+    points = data[: count * message.point_step].reshape(count, message.point_step)
+    axes = []
+    for axis in "xy":
+        offset, datatype = fields[axis]
+        kind = np.dtype(order + _DATATYPES[datatype])
+        if offset + kind.itemsize > message.point_step:
+            return None
+        raw = np.ascontiguousarray(points[:, offset : offset + kind.itemsize])
+        axes.append(raw.view(kind).ravel().astype(np.float64))
+    return _points(np.stack(axes, axis=1))
+
+
+def _markers(message: Any) -> Raster | None:
+    shown: dict[tuple[str, int], list[tuple[float, float]]] = {}
+    for marker in message.markers:
+        if marker.action == _DELETE_ALL:
+            shown.clear()
+        elif marker.action == _DELETE:
+            shown.pop((marker.ns, marker.id), None)
+        elif marker.action == _ADD:
+            at = marker.pose.position
+            own = [(at.x + point.x, at.y + point.y) for point in marker.points]
+            shown[marker.ns, marker.id] = own or [(at.x, at.y)]
+    return _points(np.array([point for points in shown.values() for point in points], np.float64).reshape(-1, 2))
+
+
+def _points(points_m: NDArray[np.float64]) -> Raster | None:
+    """Points as occupied cells; there is no free space."""
+    points_m = points_m[np.isfinite(points_m).all(axis=1)]
+    if not len(points_m):
+        return None
+    low, high = points_m.min(axis=0), points_m.max(axis=0)
+    cell_m = max(float((high - low).max()), 1.0) / _POINTS_ACROSS
+    at = np.floor((points_m - low) / cell_m).astype(np.intp)
+    cells = np.zeros((int(at[:, 1].max()) + 1, int(at[:, 0].max()) + 1), np.uint8)
+    cells[at[:, 1], at[:, 0]] = OCCUPIED
+    return Raster(cells, float(low[0]), float(low[1]), cell_m)
+
+
+_MAKERS: Final[Mapping[str, Callable[[Any], Raster | None]]] = {
+    "nav_msgs/msg/OccupancyGrid": _grid,
+    "sensor_msgs/msg/PointCloud2": _cloud,
+    "visualization_msgs/msg/MarkerArray": _markers,
+}

@@ -1,0 +1,104 @@
+"""The robots and their maps at the end of a run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapgraft.outputs.report.folder import FinishedRun
+from mapgraft.outputs.report.gallery import Gallery
+from mapgraft.outputs.report.paintings import fused_picture, map_picture
+from mapgraft.outputs.report.rasters import Canvas
+from mapgraft.outputs.report.words import count, number, short
+from mapgraft.pages import Picture
+
+_MOST_PICTURED: Final = 16  # robots
+_PATH_POINTS: Final = 240
+
+
+@dataclass(frozen=True, slots=True)
+class RobotCard:
+    """One robot. ``path`` is its way over the picture of its own map, in percent of it, for a polyline; ``is_one_map``
+    says that its own map holds what came from others, so that there is no other picture."""
+
+    name: str
+    facts: Sequence[tuple[str, str]]
+    own: Picture | None
+    fused: Picture | None
+    path: str
+    undrawn: Sequence[str]
+    is_one_map: bool = False
+
+
+def robot_cards(run: FinishedRun, gallery: Gallery, donors: dict[str, list[str]]) -> list[RobotCard]:
+    """``donors`` are those whose maps stand in a robot's map at the end."""
+    rows = run.maps_at_the_end()
+    return [
+        _card(run, name, told, rows.get(name, {}), gallery, donors.get(name, []), n < _MOST_PICTURED)
+        for n, (name, told) in enumerate(run.summary["robots"].items())
+    ]
+
+
+def _card(
+    run: FinishedRun,
+    name: str,
+    told: dict[str, Any],
+    row: dict[str, Any],
+    gallery: Gallery,
+    donors: Sequence[str],
+    pictured: bool,
+) -> RobotCard:
+    way_m = _way(run.path / "trajectories" / f"{told.get('files_as', name)}.tum")
+    facts = [("observations", f"{told.get('observations', 0):,}")]
+    if len(way_m):
+        facts.append(("path", f"{np.linalg.norm(np.diff(way_m, axis=0), axis=1).sum():,.1f} m"))
+    if row:
+        facts.append(("own map", f"{row['known_area_m2']:,.1f} m², {count(row['known_own'], 'known unit')}"))
+        if row["known_fused"] != row["known_own"]:
+            facts.append(("with merges", count(row["known_fused"], "known unit")))
+        resolution = "" if row["resolution_m"] is None else f", {number(row['resolution_m'])} m"
+        facts.append(("map type", f"{row['map_type']}{resolution}"))
+    facts.append(("merged from", ", ".join(sorted(donors)) or "nobody"))
+    own, fused, path = _pictures(name, gallery, way_m, bool(donors)) if pictured else (None, None, "")
+    return RobotCard(name, facts, own, fused, path, gallery.undrawn.get(name, ()), bool(donors) and fused is None)
+
+
+def _pictures(
+    name: str, gallery: Gallery, way_m: NDArray[np.float64], has_merges: bool
+) -> tuple[Picture | None, Picture | None, str]:
+    look = gallery.last.get(name)
+    own, fused = (None, None) if look is None else (look.own_raster(), look.fused_raster())
+    canvas = Canvas.around(own, fused if has_merges else None)
+    if canvas is None:
+        return None, None, ""
+    mine, said = canvas.cells_of(own), short(name)
+    picture = map_picture(mine, canvas.cell_m, f"{said}'s own map at the end")
+    merged = None
+    if has_merges and fused is not None and not (canvas.cells_of(fused) == mine).all():
+        merged = fused_picture(mine, canvas.cells_of(fused), canvas.cell_m, f"{said}'s map with its merges at the end")
+    return picture, merged, _over(canvas, way_m)
+
+
+def _over(canvas: Canvas, way_m: NDArray[np.float64]) -> str:
+    """The way in percent of the picture from its upper left corner."""
+    if len(way_m) < 2:
+        return ""
+    step = max(1, math.ceil(len(way_m) / _PATH_POINTS))
+    points = np.concatenate((way_m[::step], way_m[-1:]))
+    x = 100.0 * (points[:, 0] - canvas.x_m) / (canvas.columns * canvas.cell_m)
+    y = 100.0 - 100.0 * (points[:, 1] - canvas.y_m) / (canvas.rows * canvas.cell_m)
+    return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x.tolist(), y.tolist(), strict=True))
+
+
+def _way(path: Path) -> NDArray[np.float64]:
+    """(n, 2) metres in the robot's map frame; none where the trajectory is gone."""
+    if not path.is_file() or not path.stat().st_size:
+        return np.zeros((0, 2))
+    read: NDArray[np.float64] = np.loadtxt(path, usecols=(1, 2), ndmin=2)
+    return read

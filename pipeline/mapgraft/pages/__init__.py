@@ -1,0 +1,9 @@
+"""Self-contained HTML pages: no script, no network, the same bytes from the same values.
+
+``render`` fills a template of ``templates/``, ``picture`` makes an array a picture with a scale bar.
+"""
+
+from mapgraft.pages.document import readable, render
+from mapgraft.pages.pictures import Picture, picture, png, png_uri
+
+__all__ = ["Picture", "picture", "png", "png_uri", "readable", "render"]
