@@ -17,6 +17,8 @@ from mapgraft.contracts import Observation, Transform
 from mapgraft.decision import build_table
 from mapgraft.events import Event, Snapshot
 from mapgraft.job import map_alone
+from mapgraft.outputs.report.rasters import FREE, OCCUPIED
+from mapgraft.outputs.report.scenes import Scenes
 from mapgraft.plugins import load_plugins
 from mapgraft_floorplan.svg_file import read as read_svg
 from mapgraft_recordings import demo_files
@@ -266,6 +268,24 @@ def test_every_type_of_map_is_in_the_output_as_viewers_show_it(ran: Ran) -> None
         "alpha/map",
         "bravo/map",
     }
+
+
+def test_the_report_shows_every_type_of_map(ran: Ran) -> None:
+    assert ran.result.folder is not None
+    scenes = Scenes(ran.result.folder / "alpha.merge.mcap")
+    first = next(event for event in ran.result.events if event.kind == "merged")
+    for _ in scenes.moments([first.seq]):
+        pass
+    looks = scenes.last
+    assert looks.keys() == {"alpha", "bravo", "charlie", "plan"}
+    assert looks["alpha"].own.keys() == {"map"}  # what was found is no map
+    for robot, look in looks.items():
+        raster = look.own_raster()
+        assert raster is not None and not look.undrawn()
+        wall_m2, free_m2 = (float((raster.cells == kind).sum()) * raster.cell_m**2 for kind in (OCCUPIED, FREE))
+        assert 10.0 < wall_m2 < 100.0, robot
+        assert (free_m2 > wall_m2) == (robot in ("alpha", "charlie")), robot
+    assert looks["alpha"].donor_raster("plan") is not None
 
 
 def test_a_demo_is_named_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,6 +10,7 @@ from mapgraft.contracts import Finding
 from mapgraft.events import Event
 
 FINDINGS = "findings.csv"
+TOPIC = "findings"  # below the robot's name
 _COLUMNS = (
     *("receiver", "donor", "merge_id", "metric", "kind", "value", "unit"),
     *("x0_m", "y0_m", "z0_m", "x1_m", "y1_m", "z1_m"),

@@ -16,6 +16,7 @@ from mapgraft.contracts import Finding, Map, MapType, Observation, Transform
 from mapgraft.errors import PluginError
 from mapgraft.events import Event, Snapshot
 from mapgraft.outputs.event_message import encode_event, encode_log
+from mapgraft.outputs.findings import TOPIC as FINDINGS_TOPIC
 from mapgraft.outputs.findings import finding_markers
 from mapgraft.outputs.links import MARKERS_TYPE, link_markers
 from mapgraft.outputs.messages import LOG_TYPE, MERGE_EVENT, MessageEncoder, check_stamp
@@ -110,7 +111,9 @@ class McapLog:
     def found(self, stamp_ns: int, robot: str, findings: Sequence[Finding]) -> None:
         """What metrics found in a robot's map, as lines on ``/<robot>/findings``; takes away what was shown before."""
         name = self._names[robot]
-        self._say(f"/{name}/findings", MARKERS_TYPE, LATCHED, stamp_ns, f"{name}/map", finding_markers(findings))
+        self._say(
+            f"/{name}/{FINDINGS_TOPIC}", MARKERS_TYPE, LATCHED, stamp_ns, f"{name}/map", finding_markers(findings)
+        )
 
     def scanned(self, observation: Observation) -> None:
         """What a planar scan hit, as points on ``/<robot>/scan`` in the robot's map frame."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -17,6 +17,13 @@ FREE_TO, OCCUPIED_FROM = 35, 65  # percent: what lies between says nothing
 _POINTS_ACROSS: Final = 400  # cells along the longer side of what has no cells of its own
 _DATATYPES: Final = {7: "f4", 8: "f8"}  # of sensor_msgs/PointField
 _ADD, _DELETE, _DELETE_ALL = 0, 2, 3  # actions of visualization_msgs/Marker
+_LINE_STRIP, _LINE_LIST, _CUBE_LIST = 4, 5, 6  # types of visualization_msgs/Marker
+_SOLID: Final = 0.5  # opacity from which a cube hides what is below
+_MOST_POINTS: Final = 4_000_000  # of one list of cubes
+_SLAB_M: Final = 0.2
+_STOREY_M: Final = 1.0  # least height from floor to ceiling
+_STOREY_SHARE: Final = 0.1  # of all cells, which floors and ceilings have at least
+_UPRIGHT_SHARE: Final = 0.01  # of all cells, which are left in between
 _LARGEST: Final = 6000  # cells along a side that are looked at one by one
 
 
@@ -160,40 +167,119 @@ def _cloud(message: Any) -> Raster | None:
     order = ">" if message.is_bigendian else "<"
     points = data[: count * message.point_step].reshape(count, message.point_step)
     axes = []
-    for axis in "xy":
+    for axis in "xyz" if "z" in fields and fields["z"][1] in _DATATYPES else "xy":
         offset, datatype = fields[axis]
         kind = np.dtype(order + _DATATYPES[datatype])
         if offset + kind.itemsize > message.point_step:
             return None
         raw = np.ascontiguousarray(points[:, offset : offset + kind.itemsize])
         axes.append(raw.view(kind).ravel().astype(np.float64))
-    return _points(np.stack(axes, axis=1))
+    where = np.stack(axes, axis=1)
+    where = where[np.isfinite(where).all(axis=1)]
+    raster = _painted([(where[:, :2], OCCUPIED)])
+    if raster is None or where.shape[1] == 2:
+        return raster
+    floor, between = _levels(where, raster)
+    return raster if not between.any() else _painted([(where[floor, :2], FREE), (where[between, :2], OCCUPIED)])
+
+
+def _levels(points_m: NDArray[np.float64], raster: Raster) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which points (n, 3) lie on the floor, and which between floor and ceiling; none where a cloud has no storey.
+
+    Floor and ceiling are the lowest and the highest slab of 0.2 m in which a tenth of all cells have a point. What
+    stands upright has points in between.
+    """
+    nothing = np.zeros(len(points_m), np.bool_)
+    at = np.floor((points_m[:, :2] - (raster.x_m, raster.y_m)) / raster.cell_m).astype(np.int64)
+    cell = at[:, 1] * raster.cells.shape[1] + at[:, 0]
+    slab = np.floor(points_m[:, 2] / _SLAB_M).astype(np.int64)
+    own = np.unique(np.stack((slab, cell), axis=1), axis=0)[:, 0]
+    slabs, counts = np.unique(own, return_counts=True)
+    many = slabs[counts >= _STOREY_SHARE * len(np.unique(cell))]
+    if not len(many) or (many[-1] - many[0]) * _SLAB_M < _STOREY_M:
+        return nothing, nothing
+    floor = points_m[:, 2] < (many[0] + 2) * _SLAB_M
+    between = ~floor & (points_m[:, 2] < (many[-1] - 1) * _SLAB_M)
+    if len(np.unique(cell[between])) < _UPRIGHT_SHARE * len(np.unique(cell)):
+        return nothing, nothing
+    return floor, between
 
 
 def _markers(message: Any) -> Raster | None:
-    shown: dict[tuple[str, int], list[tuple[float, float]]] = {}
+    """Lines as they run, cubes as large as they are; translucent cubes are free space, all else is a wall."""
+    shown: dict[tuple[str, int], Any] = {}
     for marker in message.markers:
         if marker.action == _DELETE_ALL:
             shown.clear()
         elif marker.action == _DELETE:
             shown.pop((marker.ns, marker.id), None)
         elif marker.action == _ADD:
-            at = marker.pose.position
-            own = [(at.x + point.x, at.y + point.y) for point in marker.points]
-            shown[marker.ns, marker.id] = own or [(at.x, at.y)]
-    return _points(np.array([point for points in shown.values() for point in points], np.float64).reshape(-1, 2))
+            shown[marker.ns, marker.id] = marker
+    coarse = _painted([(_placed(marker, _own(marker)), OCCUPIED) for marker in shown.values()])
+    return None if coarse is None else _painted([_drawn(marker, coarse.cell_m) for marker in shown.values()])
 
 
-def _points(points_m: NDArray[np.float64]) -> Raster | None:
-    """Points as occupied cells; there is no free space."""
-    points_m = points_m[np.isfinite(points_m).all(axis=1)]
+def _drawn(marker: Any, cell_m: float) -> tuple[NDArray[np.float64], int]:
+    """Points (n, 2) of one marker in the map's frame, so close that no cell is missed, and what they are."""
+    own = _own(marker)
+    if marker.type == _LINE_STRIP:
+        own = np.stack((own[:-1], own[1:]), axis=1).reshape(-1, 2)
+    if marker.type in (_LINE_STRIP, _LINE_LIST):
+        return _placed(marker, _along(own, cell_m)), OCCUPIED
+    if marker.type != _CUBE_LIST:
+        return _placed(marker, own), OCCUPIED
+    kind = FREE if 0.0 < marker.color.a < _SOLID else OCCUPIED
+    return _placed(marker, _filled(own, (marker.scale.x, marker.scale.y), cell_m)), kind
+
+
+def _own(marker: Any) -> NDArray[np.float64]:
+    """The points (n, 2) of a marker in its own frame; a marker without points is one."""
+    return np.array([(point.x, point.y) for point in marker.points] or [(0.0, 0.0)], np.float64)
+
+
+def _placed(marker: Any, own_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    at, q = marker.pose.position, marker.pose.orientation
+    yaw_rad = math.atan2(2.0 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    placed: NDArray[np.float64] = own_m @ np.array([[c, s], [-s, c]]) + (at.x, at.y)
+    return placed
+
+
+def _along(ends_m: NDArray[np.float64], cell_m: float) -> NDArray[np.float64]:
+    """Points (n, 2) along lines, given by their ends two by two, so close that no cell is missed."""
+    lines = ends_m[: len(ends_m) // 2 * 2].reshape(-1, 2, 2)
+    lines = lines[np.isfinite(lines).all(axis=(1, 2))]
+    way = lines[:, 1] - lines[:, 0]
+    counts = np.ceil(np.abs(way).max(axis=1, initial=0.0) / cell_m * 2.0).astype(np.intp) + 1
+    which = np.repeat(np.arange(len(lines)), counts)
+    step = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
+    share = step / np.maximum(counts - 1, 1)[which]
+    out: NDArray[np.float64] = lines[which, 0] + way[which] * share[:, None]
+    return out
+
+
+def _filled(middles_m: NDArray[np.float64], size_m: tuple[float, float], cell_m: float) -> NDArray[np.float64]:
+    """Points (n, 2) all over boxes of one size, so close that no cell is missed, unless there were millions."""
+    most = math.isqrt(_MOST_POINTS // max(1, len(middles_m)))
+    counts = [max(1, min(most, math.ceil(side / cell_m * 2.0))) for side in size_m]
+    x, y = ((np.arange(n) + 0.5) / n * side - side / 2 for n, side in zip(counts, size_m, strict=True))
+    inside = np.stack(np.meshgrid(x, y), axis=-1).reshape(1, -1, 2)
+    return (middles_m[:, None] + inside).reshape(-1, 2)
+
+
+def _painted(parts: Sequence[tuple[NDArray[np.float64], int]]) -> Raster | None:
+    """Points (n, 2) as cells of what they are; where several fall into one cell, a wall shows."""
+    points_m = np.concatenate([points for points, _ in parts]) if parts else np.empty((0, 2))
+    kinds = np.repeat(np.array([kind for _, kind in parts], np.uint8), [len(points) for points, _ in parts])
+    finite = np.isfinite(points_m).all(axis=1)
+    points_m, kinds = points_m[finite], kinds[finite]
     if not len(points_m):
         return None
     low, high = points_m.min(axis=0), points_m.max(axis=0)
     cell_m = max(float((high - low).max()), 1.0) / _POINTS_ACROSS
     at = np.floor((points_m - low) / cell_m).astype(np.intp)
     cells = np.zeros((int(at[:, 1].max()) + 1, int(at[:, 0].max()) + 1), np.uint8)
-    cells[at[:, 1], at[:, 0]] = OCCUPIED
+    np.maximum.at(cells, (at[:, 1], at[:, 0]), kinds)
     return Raster(cells, float(low[0]), float(low[1]), cell_m)
 
 

@@ -12,6 +12,7 @@ from typing import Any
 from mapgraft.errors import UsageError
 from mapgraft.events import Event
 from mapgraft.outputs.event_message import event_of
+from mapgraft.outputs.findings import TOPIC as FINDINGS
 from mapgraft.outputs.mcap_log import EVENTS
 from mapgraft.outputs.messages import MERGE_EVENT, MessageEncoder
 from mapgraft.outputs.qos import LATCHED
@@ -143,7 +144,7 @@ class Scenes:
         """Robot, which of its maps, donor, and the rest of the topic; None for what is no map."""
         parts = channel.topic.strip("/").split("/")
         robot = self._names.get(parts[0])
-        if robot is None or channel.metadata.get("offered_qos_profiles") != LATCHED:
+        if robot is None or channel.metadata.get("offered_qos_profiles") != LATCHED or parts[1:] == [FINDINGS]:
             return None
         if parts[1] == "donors" and len(parts) > 3 and parts[2] in self._names:
             return robot, "donor", self._names[parts[2]], "/".join(parts[3:])
