@@ -16,6 +16,7 @@ from mapgraft_recordings.drawn_plan import Alteration, DrawnPlan
 from mapgraft_recordings.simulator.simulation import START_NS, Pose
 
 RIGHT_M, RIGHT_RAD = 0.5, math.radians(5.0)  # a merge is right when its transform is no further from the truth
+FOUND_M = 0.2  # a mistake of a plan is found when the middle of a finding is no further from it
 SAME_M, SAME_RAD, SAME_S = 0.3, math.radians(2.0), 3.0  # two runs agree when they differ by no more
 STANDING = ("provisional", "confirmed")
 TOLD = frozenset({"rejected", "unmatched", "ambiguous", "merged", "confirmed", "reverted"})
@@ -107,7 +108,7 @@ def outcome_of(events: Sequence[Event], T_world_map: Mapping[str, Pose]) -> Outc
 def with_deviations(outcome: Outcome, events: Sequence[Event], plan: DrawnPlan) -> Outcome:
     """The outcome, with what findings in standing merges tell of the alterations of a plan in the world's frame.
 
-    An alteration is reported when a finding of its kind lies with its middle no more than half a metre off it.
+    An alteration is reported when a finding of its kind lies with its middle no more than 0.2 m off it.
     """
     truth = {name: Transform.planar(*pose) for name, pose in outcome.T_world_map.items()}
     reported: dict[str, tuple[Finding, ...]] = {}
@@ -189,7 +190,7 @@ def _tells(findings: Sequence[Finding], T_world_map: Transform, change: Alterati
     ends = np.array([(f.start_m[:2], f.end_m[:2]) for f in findings if f.kind == change.found_as]).reshape(-1, 2, 2)
     middles = T_world_map.apply(ends.mean(axis=1))
     low, high = change.bounds_m
-    return bool(((middles >= low - RIGHT_M) & (middles <= high + RIGHT_M)).all(axis=1).any())
+    return bool(((middles >= low - FOUND_M) & (middles <= high + FOUND_M)).all(axis=1).any())
 
 
 def _is_right(event: Event, truth: Mapping[str, Transform]) -> bool:

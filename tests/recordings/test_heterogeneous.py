@@ -195,8 +195,10 @@ def test_wrong_merges_of_a_grid_and_a_cloud_are_found_out_and_right_ones_follow(
 def test_the_plan_enters_as_a_prior_and_its_mistakes_are_told(ran: Ran) -> None:
     standing = {(merge.receiver, merge.donor) for merge in ran.found.standing if merge.right}
     assert {("alpha", "plan"), ("charlie", "plan")} <= standing
-    assert {change.name for change in drawn_plan().alterations if "alpha" in ran.found.found[change.name]}
-    assert ran.found.found == ran.expected.found
+    found = {change.name: ("alpha", "charlie") for change in drawn_plan().alterations}
+    assert ran.found.found == found and len(found) == 4
+    priors = [e.evidence for e in ran.result.events if e.kind == "merged" and e.donor == "plan"]
+    assert priors and all("prior" in evidence for evidence in priors)
 
 
 def test_pairs_that_cannot_meet_are_turned_away(ran: Ran) -> None:
@@ -259,7 +261,7 @@ def test_every_type_of_map_is_in_the_output_as_viewers_show_it(ran: Ran) -> None
         for connection, _, data in reader.messages():
             if connection.topic in wanted:
                 last[connection.topic] = reader.deserialize(data, connection.msgtype)
-    assert (last["/alpha/merged/map"].data == 100).sum() > (last["/alpha/map"].data == 100).sum() > 1_000
+    assert (last["/alpha/merged/map"].data >= 65).sum() > (last["/alpha/map"].data >= 65).sum() > 1_000
     assert last["/bravo/merged/cloud"].width >= last["/bravo/cloud"].width > 5_000
     for topic, msgtype in wanted.items():
         if msgtype.endswith("MarkerArray"):
@@ -284,7 +286,7 @@ def test_the_report_shows_every_type_of_map(ran: Ran) -> None:
         assert raster is not None and not look.undrawn()
         wall_m2, free_m2 = (float((raster.cells == kind).sum()) * raster.cell_m**2 for kind in (OCCUPIED, FREE))
         assert 10.0 < wall_m2 < 100.0, robot
-        assert (free_m2 > wall_m2) == (robot in ("alpha", "charlie")), robot
+        assert (free_m2 > wall_m2) == (robot != "plan"), robot
     assert looks["alpha"].donor_raster("plan") is not None
 
 
