@@ -23,9 +23,9 @@ from mapgraft.plugins import load_plugins
 from mapgraft_floorplan.svg_file import read as read_svg
 from mapgraft_recordings import demo_files
 from mapgraft_recordings.drawn_plan import Alteration, DrawnPlan, as_svg, drawn_lines
-from mapgraft_recordings.generate import drawn_plan, generate, judged, main, other_lidars
+from mapgraft_recordings.generate import drawn_plan, frames, generate, judged, main, other_lidars
 from mapgraft_recordings.mission import Mission
-from mapgraft_recordings.outcome import Outcome, read_outcome
+from mapgraft_recordings.outcome import Outcome, describe, read_outcome
 from mapgraft_recordings.outcome import differences as differing
 from mapgraft_recordings.simulator import build_world, distance_to_walls, parse_plan, trajectory_of
 
@@ -302,3 +302,13 @@ def test_the_script_makes_it_by_name(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "plan.svg" in capsys.readouterr().out
     names = ["alpha.mcap", "bravo.mcap", "charlie.mcap", "config.yaml", "plan.svg"]
     assert sorted(path.name for path in tmp_path.iterdir()) == names
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_other_seeds_come_out_so_too(seed: int, tmp_path: Path) -> None:
+    pytest.importorskip("svgelements", reason="needs the extra floorplan")
+    mission, paths = generate(seed, tmp_path, NAME)
+    outcome = judged(mapgraft.run(paths, tmp_path / "config.yaml").events, frames(mission, paths), NAME)
+    assert outcome.tells_the_story and len(outcome.standing) == 6, describe(outcome)
+    assert all(robots == ("alpha", "charlie") for robots in outcome.found.values()), describe(outcome)
