@@ -305,7 +305,7 @@ def test_the_script_makes_it_by_name(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_other_seeds_come_out_so_too(seed: int, tmp_path: Path) -> None:
     pytest.importorskip("svgelements", reason="needs the extra floorplan")
     mission, paths = generate(seed, tmp_path, NAME)
