@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
+
+if WORKER := os.environ.get("PYTEST_XDIST_WORKER"):
+    # Every test process compiles into a cache of its own, told before any kernel is imported. Numba numbers the files
+    # of a function's signatures without a lock: two processes that compile different ones at the same time can leave an
+    # index that names the wrong file, and whoever loads that one dies.
+    os.environ["NUMBA_CACHE_DIR"] = str(Path(__file__).parents[1] / ".pytest_cache" / f"numba-{WORKER}")
 
 SHARED_DATA = Path(__file__).parents[2] / "shared" / "data"
 

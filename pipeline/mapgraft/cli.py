@@ -139,11 +139,11 @@ def forbid(
 
 @app.command()
 def report(
-    out: Annotated[Path, typer.Argument(help="The folder of a run.")],
+    out: Annotated[Path, typer.Argument(help="The folder of a run, or of an experiment.")],
     to: Annotated[Path | None, typer.Option("--out", "-o", help="The file to write, if not report.html in it.")] = None,
     debug: Debug = False,
 ) -> None:
-    """Write the page that shows a run: robots, timeline, every merge with pictures, metrics and reasons."""
+    """Write the page that shows a run (robots, timeline, every merge with pictures and reasons) or an experiment."""
     from mapgraft.commands.report import report_and_show
 
     report_and_show(out, to)

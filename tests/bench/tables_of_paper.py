@@ -27,7 +27,15 @@ from mapgraft.experiments.andersone2021.telling.tables import Table, table_text
 DOCS: Final = Path(__file__).parents[2] / "docs"
 PAGE, DATA = DOCS / "paper.md", DOCS / "paper.json"
 PICTURES: Final = {"figure7": "paper_wrong_merge.png", "figure9": "paper_reverted.png", "resolution": "paper_dm.png"}
-SHOWN: Final = ("ways", "table1", "table2", "table3", "table4", "reversal", "resolution", "thresholds", "verdicts")
+SHOWN: Final = (
+    "ways",
+    "searches",
+    *(f"table{number}" for number in (1, 2, 3, 4)),
+    "reversal",
+    "resolution",
+    "thresholds",
+    "verdicts",
+)
 LEFT_OUT: Final = ("curves", "config", "decision_table", "plugins", "figures", "searches")
 _VERDICTS: Final = {True: "holds", False: "**does not hold**", None: "cannot be told"}
 _SOURCES: Final = {"ledger": "ledger", "paper": "paper", "tables": "its tables", "rules": "our rules"}
@@ -74,6 +82,7 @@ def _line(content: Content) -> list[str]:
         f"{equal} of {merges}",
         f"{ways.row('ledger').cells['identical'].text(0)} of {merges}",
         f"{verdicts['wrong']['revert'].text(0)} of {counts[1]}, {verdicts['right']['revert'].text(0)} of {counts[0]}",
+        f"{verdicts['wrong']['confirm'].text(0)} of {counts[1]}",
     ]
 
 
@@ -89,6 +98,7 @@ _OTHERS: Final = [
     "ledger's metrics are 2M's",
     "ledger: same bytes",
     "our rules revert: wrong, right",
+    "our rules confirm: wrong",
 ]
 
 
@@ -113,10 +123,19 @@ def _run(content: Content) -> str:
     ]
     files = " ".join(file["path"] for file in content["files"])
     command = " ".join(["mapgraft experiment andersone2021", files, "-o OUT", *options])
-    merges = f"{content['times']['elapsed_s']:.0f} s for the merges, without reading and drawing"
-    return (
-        f"```sh\n{command}\n```\n\nmapgraft {content['version']} at {content['commit']}, on {content['on']}; {merges}."
-    )
+    made = f"mapgraft {content['version']} at {content['commit']}, on {content['on']}"
+    return f"```sh\n{command}\n```\n\n{made}; {_taken(content['times'])}."
+
+
+def _taken(times: Mapping[str, Any]) -> str:
+    """How long the merges and everything took, and beside what, as far as the run tells it."""
+    merges, whole_s, machine = f"{times['elapsed_s']:.0f} s for the merges", times.get("whole_s"), times.get("machine")
+    if whole_s is None or machine is None:
+        return f"{merges}, without reading and drawing"
+    load = " / ".join(f"{mean:.1f}" for mean in machine["load"])
+    beside = f"{machine['cpus']} × {machine['processor'] or 'an unknown processor'}"
+    everything = f"{whole_s:.0f} s for everything, from reading to written files"
+    return f"{merges}, {everything} ({beside}" + (f", load average {load})" if load else ")")
 
 
 def _with_note(table: Table) -> str:
@@ -135,6 +154,15 @@ def _statements(said: Sequence[Statement]) -> str:
 
 def _markdown(columns: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in (columns, ["---"] * len(columns), *lines))
+
+
+def lines_of(content: Content) -> str:
+    """The content as JSON, one line for each of its keys."""
+    lines = (
+        f"{json.dumps(key)}:{json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(',', ':'))}"
+        for key, value in content.items()
+    )
+    return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 def filled(page: str, content: Content) -> str:
@@ -156,8 +184,7 @@ def main() -> int:
         commit = subprocess.run(
             ["git", "-C", str(DOCS), "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True
         ).stdout.strip()
-        text = json.dumps(told(first, others, given.on, commit), indent=1, ensure_ascii=False, allow_nan=False)
-        DATA.write_text(text + "\n", encoding="utf-8")
+        DATA.write_text(lines_of(told(first, others, given.on, commit)), encoding="utf-8")
         for name, picture in PICTURES.items():
             shutil.copyfile(given.folders[0] / "figures" / f"{name}.png", DOCS / "pictures" / picture)
     content = json.loads(DATA.read_text(encoding="utf-8"))

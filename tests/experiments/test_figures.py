@@ -8,12 +8,14 @@ import struct
 import numpy as np
 import pytest
 
-from mapgraft.experiments.andersone2021.raster import Raster, raster_of
+from mapgraft.experiments.andersone2021.raster import Raster, left_masks, raster_of
 from mapgraft.experiments.andersone2021.settings import PAPER, STRATEGIES
-from mapgraft.experiments.andersone2021.telling.charts import areas_figure, curves_figure, histograms, resolution_figure
+from mapgraft.experiments.andersone2021.telling.as_published import ways_shown
+from mapgraft.experiments.andersone2021.telling.charts import histograms, resolution_figure
+from mapgraft.experiments.andersone2021.telling.curve_charts import areas_figure, curves_figures
 from mapgraft.experiments.andersone2021.telling.detection import curves
 from mapgraft.experiments.andersone2021.telling.examples import remake, right_example, wrong_example
-from mapgraft.experiments.andersone2021.telling.pictures import left_masks, map_figures, shades
+from mapgraft.experiments.andersone2021.telling.pictures import map_figures, shades
 
 
 def test_every_figure_is_a_png_of_a_sensible_size(files):
@@ -26,6 +28,7 @@ def test_every_figure_is_a_png_of_a_sensible_size(files):
         "figure6",
         "figure6_all",
         "roc",
+        "roc_by_resolution",
         "areas",
         "resolution",
         "costs",
@@ -40,7 +43,7 @@ def test_figures_are_the_same_every_time(experiment, laboratory, files):
     found = curves(experiment)
     again = [
         *map_figures(experiment, laboratory),
-        curves_figure(experiment, found),
+        *curves_figures(experiment, found),
         areas_figure(experiment, found),
         resolution_figure(experiment, found),
     ]
@@ -94,7 +97,8 @@ def test_what_there_is_not_is_said(made, experiment_of, laboratory):
 def _charts(experiment):
     found = curves(experiment)
     yield from histograms(experiment, found)
-    yield from (curves_figure(experiment, found), areas_figure(experiment, found), resolution_figure(experiment, found))
+    yield from curves_figures(experiment, found)
+    yield from (areas_figure(experiment, found), resolution_figure(experiment, found))
 
 
 @pytest.mark.parametrize(("percent", "shade"), [(0, 1.0), (50, 0.8), (100, 0.0), (-1, 0.8)])
@@ -102,3 +106,14 @@ def test_the_less_is_known_the_greyer(percent, shade):
     pixels = shades(Raster(np.full((2, 3), percent, np.int8), (0, 0), (0.0, 0.0), 0.1))
     assert pixels.shape == (2, 3, 4)
     assert pixels[..., :3] == pytest.approx(shade) and (pixels[..., 3] == 1.0).all()
+
+
+def test_the_ledger_has_panels_of_its_own_unless_its_numbers_are_those_of_two_maps(made, experiment_of):
+    merges = [made(right, n, two=(0.9 + 0.01 * n, 1.0 + n)) for n, right in enumerate((True, True, False, False))]
+    assert list(ways_shown(experiment_of(merges)).values()) == ["1M", "2M and ledger"]
+    assert "those of two maps" in histograms(experiment_of(merges), [])[0].caption
+    kept = merges[0].by["ledger"]
+    other = dataclasses.replace(kept, end={**kept.end, "distance": 1.5})
+    merges[0] = dataclasses.replace(merges[0], by={**merges[0].by, "ledger": other})
+    assert list(ways_shown(experiment_of(merges)).values()) == ["1M", "2M", "ledger"]
+    assert "those of two maps" not in histograms(experiment_of(merges), [])[0].caption

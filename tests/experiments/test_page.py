@@ -6,6 +6,7 @@ import dataclasses
 import json
 import re
 from html.parser import HTMLParser
+from itertools import islice
 from pathlib import Path
 
 import pytest
@@ -13,14 +14,17 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from mapgraft.cli import app
-from mapgraft.errors import UsageError
+from mapgraft.errors import OutputError, UsageError
+from mapgraft.experiments.andersone2021.outcome import Cost
+from mapgraft.experiments.andersone2021.telling.charts import costs_figure
 from mapgraft.experiments.andersone2021.telling.detection import curves
-from mapgraft.experiments.andersone2021.telling.document import document, statements_in, tables_in
+from mapgraft.experiments.andersone2021.telling.document import document, statements_in, tables_in, timing_told
 from mapgraft.experiments.andersone2021.telling.page import SECTIONS, page, page_of
-from mapgraft.experiments.andersone2021.telling.presentation import json_bytes, tables_of
+from mapgraft.experiments.andersone2021.telling.presentation import json_bytes, table_files, tables_of
 from mapgraft.experiments.andersone2021.telling.statements import statements
 from mapgraft.experiments.andersone2021.telling.summary import show
 from mapgraft.experiments.andersone2021.telling.tables import csv_text, markdown
+from mapgraft.experiments.andersone2021.timing import timing
 
 
 @pytest.fixture
@@ -58,6 +62,32 @@ def test_all_but_times_is_the_same_again(experiment, provenance, content):
     assert json.dumps(other) == json.dumps(before)
 
 
+def test_the_files_that_depend_on_the_clock_are_those_that_are_documented(experiment, files):
+    slower = {
+        strategy: dataclasses.replace(kept, cost=Cost(*(3.0 + 0.7 * n * k for k in range(3))), revert_s=7.0)
+        for n, (strategy, kept) in enumerate(experiment.merges[0].by.items())
+    }
+    later = dataclasses.replace(experiment, merges=[_timed_as(m, slower) for m in experiment.merges])
+    found = curves(later)
+    tables = tables_of(later, found)
+    again = {**table_files(tables, statements(later, found)), "figures/costs.png": costs_figure(later).png}
+    assert {name for name, content in again.items() if content != files[name]} == {
+        "tables.md",
+        "tables.parquet",
+        "figures/costs.png",
+        *(
+            f"tables/{name}.{kind}"
+            for name in ("table1", "table2", "table3", "costs", "ways")
+            for kind in ("md", "csv")
+        ),
+    }
+
+
+def _timed_as(merge, slower):
+    by = {way: dataclasses.replace(kept, cost=slower[way].cost, revert_s=7.0) for way, kept in merge.by.items()}
+    return dataclasses.replace(merge, by=by)
+
+
 def document_of(experiment, provenance):
     """The document as it comes back from its file, without figures."""
     found = curves(experiment)
@@ -87,8 +117,49 @@ def test_damage_is_said(files, tmp_path, content):
     del content["tables"][3]["rows"][0]["cells"]
     for damaged in ("{", "[]", '{"figures": []}', json.dumps(content)):
         place.write_text(damaged)
-        with pytest.raises(UsageError, match="damaged or of another version"):
+        with pytest.raises(OutputError, match="damaged or of another version"):
             page_of(tmp_path)
+
+
+def _damaged(value):
+    """The value with one of its parts gone or of another type, part by part; of lists the first part alone."""
+    if isinstance(value, dict):
+        for key in value:
+            yield {name: part for name, part in value.items() if name != key}
+            yield from ({**value, key: part} for part in _damaged(value[key]))
+    elif isinstance(value, list) and value:
+        yield from ([part, *value[1:]] for part in _damaged(value[0]))
+    yield from (other for other in (None, 7, "seven", [[]], {"": {}}) if type(other) is not type(value))
+
+
+def test_no_damage_is_an_internal_error(tmp_path, content):
+    """Whatever is missing or of another type: a page, or one sentence."""
+    content["figures"], content["curves"] = content["figures"][:1], []
+    content["tables"] = [{**table, "rows": table["rows"][:3]} for table in content["tables"]]
+    place, refused = tmp_path / "experiment.json", 0
+    place.write_text(json.dumps(content))
+    assert page_of(tmp_path).startswith("<!")
+    for damaged in islice(_damaged(content), 0, None, 31):
+        place.write_text(json.dumps(damaged))
+        try:
+            page_of(tmp_path)
+        except OutputError as error:
+            refused += 1
+            assert "\n" not in str(error) and error.exit_code == 1
+    assert refused > 10
+    place.write_text("[" * 100_000)
+    with pytest.raises(OutputError, match="damaged"):
+        page_of(tmp_path)
+
+
+def test_the_time_of_everything_is_told_beside_the_machine(content, pngs):
+    taken = timing(61.24)
+    content["times"] |= timing_told(taken)
+    assert content["times"]["whole_s"] == 61.24 and content["times"]["machine"]["cpus"] >= 1
+    text = page(content, pngs)
+    assert "61.2 s, from reading to written files" in text and "everything 61 s" in text
+    assert set(content["times"]["machine"]) == {"cpus", "processor", "load"}
+    assert "from reading to written files" not in page({**content, "times": content["times"] | timing_told(None)}, pngs)
 
 
 def test_no_file_outside_of_the_folder_becomes_a_figure(content, pngs, tmp_path):
@@ -134,7 +205,7 @@ def test_the_page_is_complete_in_itself(files):
     assert "url(" not in re.sub(r"<style>.*?</style>", "", text, flags=re.DOTALL) and "@import" not in text
     assert len(found.ids) == len(set(found.ids))
     assert {link[1:] for link in found.links if link.startswith("#")} <= set(found.ids)
-    assert found.tags.count("img") == 10
+    assert found.tags.count("img") == 11
     assert len(files["report.html"]) < 5_000_000
 
 
@@ -145,6 +216,14 @@ def test_every_table_claim_and_figure_is_on_the_page(files, content):
     assert {f"figure-{figure['name']}" for figure in content["figures"]} <= ids
     assert {f"claim-{one['name']}" for one in content["statements"]} <= ids
     assert {section.anchor for section in SECTIONS} <= ids
+    assert files["report.html"].decode().count("this is no held-out test") == 3  # claims, evidence, verdicts
+
+
+def test_curves_keep_their_points_but_for_details_of_evidence(content):
+    for curve in content["curves"]:
+        is_detail = "." in curve["number"] and not curve["number"].startswith("verifier.")
+        assert ("points" in curve) is not is_detail, curve["number"]
+    assert "verifier.log_odds_wrong" in {curve["number"] for curve in content["curves"]}
 
 
 def test_names_are_text(content, pngs):
@@ -164,7 +243,7 @@ def test_a_figure_that_is_gone_is_said(content, pngs):
     text = page(content, pngs)
     assert "The file figures/figure7.png is not there or no PNG." in text
     assert "The file figures/roc.png is not there or no PNG." in text
-    assert seen(text).tags.count("img") == 8
+    assert seen(text).tags.count("img") == 9
 
 
 def test_tables_are_written_in_every_form(files, content):

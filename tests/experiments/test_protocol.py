@@ -125,7 +125,10 @@ def test_our_own_rules_watch_every_merge_for_which_they_have_a_rule(experiment):
 
 def test_the_same_again(laboratory, experiment):
     """But for the times."""
-    again = conduct(laboratory)
+    told: list[tuple[int, int, int]] = []
+    again = conduct(laboratory, lambda *counts: told.append(counts))
+    drawn = sum(search.drawn for search in again.searches)
+    assert told[-1] == (len(again.merges), 12, drawn) and len(told) == drawn  # every pair moves it on
     ours, theirs = parquet_files(experiment), parquet_files(again)
     assert ours.keys() == theirs.keys() == {"merges.parquet", "evidence.parquet", "verdicts.parquet", "times.parquet"}
     assert all(ours[name] == theirs[name] for name in ours if name != "times.parquet")

@@ -9,9 +9,10 @@ import math
 import pyarrow.parquet as pq
 import pytest
 
+from mapgraft.experiments.andersone2021.outcome import Watched
 from mapgraft.experiments.andersone2021.settings import PAPER
 from mapgraft.experiments.andersone2021.telling.as_published import costs_table, paper_tables
-from mapgraft.experiments.andersone2021.telling.beyond import searches_table, ways_table
+from mapgraft.experiments.andersone2021.telling.beyond import searches_table, verdicts_table, ways_table
 from mapgraft.experiments.andersone2021.telling.detection import curves
 from mapgraft.experiments.andersone2021.telling.published import published
 from mapgraft.experiments.andersone2021.telling.tables import (
@@ -148,9 +149,21 @@ def test_the_three_ways_in_one_look(made, experiment_of):
     assert "distance" not in one.cells  # it is the same for all: there is nothing to tell by
 
 
+def test_wrong_merges_that_are_confirmed_are_counted_as_mistaken(made, experiment_of):
+    actions = [(True, "revert"), (True, "confirm"), (False, "confirm"), (False, "confirm"), (False, "revert")]
+    merges = [made(right, n, watched=Watched("rule", done, "", {}, {})) for n, (right, done) in enumerate(actions)]
+    right, wrong = verdicts_table(experiment_of(merges)).rows[:2]
+    assert (right.cells["mistaken"].value, wrong.cells["mistaken"].value) == (1, 2)
+
+
 def test_searches_count_what_was_accepted(made, experiment_of):
-    (row,) = searches_table(experiment_of([made(True, 0)])).rows
-    assert {name: number.value for name, number in row.cells.items()} == {
+    merges = [made(True, 0), made(True, 0, combination=PAPER[1]), made(False, 1)]
+    row, _, together = searches_table(experiment_of(merges)).rows
+    assert (together.cells["right_draws"].value, together.cells["wrong_draws"].value) == (1, 1)  # one draw, used twice
+    assert together.cells["right_overlap"] == Number(0.5, 0.5, 0.5)
+    assert {
+        name: number.value for name, number in row.cells.items() if "_draws" not in name and "_overlap" not in name
+    } == {
         "drawn": 9,
         "unmatched": 1,
         "refused": 1,

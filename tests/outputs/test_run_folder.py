@@ -17,7 +17,7 @@ from plots import ALPHA, AT, START_NS, UNDERSCORE, S, provenance, tell, told
 from mapgraft.contracts import Observation, Transform
 from mapgraft.errors import OutputError
 from mapgraft.events import Event
-from mapgraft.outputs.lock import LOCK
+from mapgraft.outputs.lock import EXPERIMENT, LOCK, require_kind
 from mapgraft.outputs.null_sink import NullSink
 from mapgraft.outputs.read_back import read_events
 from mapgraft.outputs.run_folder import ROUTINE, RunFolder
@@ -280,3 +280,11 @@ def test_waiting_things_are_bounded_and_payloads_are_let_go(tmp_path: Path) -> N
         gc.collect()
         assert not any(ref() is not None for ref in payloads)
         assert (tmp_path / f"trajectories/{UNDERSCORE}.tum.partial").stat().st_size > 2000 * 80
+
+
+def test_a_folder_that_holds_an_experiment_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / EXPERIMENT).write_text("{}")
+    with pytest.raises(OutputError, match="holds an experiment: choose another folder"):
+        RunFolder(tmp_path, "demo", "r1", provenance())
+    assert [path.name for path in tmp_path.iterdir()] == [EXPERIMENT]
+    require_kind(tmp_path, EXPERIMENT)

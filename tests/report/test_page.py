@@ -41,7 +41,7 @@ def test_it_loads_nothing_and_runs_nothing(page: str, read) -> None:
     assert not any(name.startswith("on") for _, attrs in found.tags for name in attrs)
     assert "http:" not in page and "https:" not in page and "@import" not in page and "url(" not in page
     policy = next(attrs["content"] for tag, attrs in found.tags if attrs.get("http-equiv"))
-    assert policy == "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+    assert policy == "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 
 
 def test_every_merge_is_told_with_its_state_and_reasons(page: str, read) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +14,7 @@ from plots import provenance, tell, told
 import mapgraft
 from mapgraft.cli import invoke
 from mapgraft.commands import report as command
-from mapgraft.config import Config
+from mapgraft.config import Config, load_config
 from mapgraft.errors import OutputError, UsageError
 from mapgraft.job import essence_of
 from mapgraft.outputs.report import page_of, publish
@@ -52,6 +53,18 @@ def test_every_merge_of_the_demo_is_shown_at_the_merge_and_later(run: Path, summ
     assert sum(alt.endswith("on each other at the merge") for alt in alts) == len(merges)
     assert sum(alt.endswith("on each other just before it was reverted") for alt in alts) == reverted
     assert sum(alt.endswith("on each other at the end") for alt in alts) == len(merges) - reverted
+
+
+def test_where_one_map_is_kept_it_says_whose_it_holds(tmp_path: Path, read) -> None:
+    """There is no own map to show: what is held against a donor's has its share, and that of earlier ones."""
+    files, config, _ = demo_files()
+    given = load_config(config).model_copy(update={"reversal": "single_map"})
+    events = mapgraft.run(files, given, tmp_path / "out").events
+    text = read((tmp_path / "out" / "report.html").read_text(encoding="utf-8")).text
+    first = next(event for event in events if event.kind == "merged")
+    assert f"blue is {first.receiver}’s alone, orange {first.donor}’s alone" in text
+    assert re.search(r"map, which holds something of \w+, and \w+’s on it", text)
+    assert "already, so that they agree where nobody else looked" in text
 
 
 def test_the_command_writes_it_again_or_elsewhere(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self
 
 from rich.progress import (
     BarColumn,
@@ -20,6 +20,13 @@ from rich.progress import (
 from mapgraft.console import remarks
 from mapgraft.contracts import Observation
 from mapgraft.events import Event, Snapshot
+
+
+class Counted(Protocol):
+    """Takes how many things are done, of how many, and what they are."""
+
+    def __call__(self, done: int, wanted: int, said: str = ..., /) -> None: ...
+
 
 REFRESH_EVERY = 16  # observations between two updates of the bar: drawing must not cost more than mapping
 
@@ -84,10 +91,10 @@ class ProgressSink:
 
 
 @contextmanager
-def counting(waiting: str, what: str, *, quiet: bool) -> Iterator[Callable[[int, int], None]]:
-    """A bar on stderr for things that are counted: tell it how many are done, and of how many.
+def counting(waiting: str, what: str, *, quiet: bool) -> Iterator[Counted]:
+    """A bar on stderr for things that are counted: tell it how many are done, of how many, and what they are.
 
-    It shows what is ``waiting`` until the first is done.
+    It shows what is ``waiting`` until then, and ``what`` where nothing else is told.
     """
     console = remarks()
     bar = Progress(
@@ -101,4 +108,8 @@ def counting(waiting: str, what: str, *, quiet: bool) -> Iterator[Callable[[int,
     )
     with bar:
         task = bar.add_task(waiting, total=None)
-        yield lambda done, wanted: bar.update(task, completed=done, total=wanted, description=what)
+
+        def count(done: int, wanted: int, said: str = what) -> None:
+            bar.update(task, completed=done, total=wanted, description=said)
+
+        yield count

@@ -20,7 +20,8 @@ PAGES: Final = {
 def report_and_show(folder: Path, target: Path | None) -> None:
     """Make the page of a folder, write it into the folder or to ``target``, and say where it is.
 
-    Raises UsageError when the folder holds nothing that has a page, OutputError when the page cannot be written.
+    Raises UsageError when the folder holds nothing that has a page, OutputError when that is
+    damaged or the page cannot be written.
     """
     from mapgraft.outputs.lock import locked
     from mapgraft.outputs.report import publish

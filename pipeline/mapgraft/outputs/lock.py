@@ -12,6 +12,15 @@ from mapgraft.errors import OutputError
 from mapgraft.outputs.staging import writing
 
 LOCK = ".mapgraft.lock"
+RUN, EXPERIMENT = "summary.json", "experiment.json"  # who finds one of them finds everything that goes with it
+_HOLDS = {RUN: "a run", EXPERIMENT: "an experiment"}
+
+
+def require_kind(out: Path, kind: str) -> None:
+    """Raises OutputError where the folder holds something of another kind, whose page would be overwritten."""
+    for name, what in _HOLDS.items():
+        if name != kind and (out / name).is_file():
+            raise OutputError(f"{out} holds {what}: choose another folder")
 
 
 def lock(out: Path) -> int:

@@ -15,7 +15,7 @@ from mapgraft.errors import OutputError
 from mapgraft.events import Event, Snapshot
 from mapgraft.outputs.files import Tally, Trajectories, connected, json_bytes, map_files, transforms_csv
 from mapgraft.outputs.findings import FINDINGS, LatestFindings
-from mapgraft.outputs.lock import lock
+from mapgraft.outputs.lock import RUN, lock, require_kind
 from mapgraft.outputs.mcap_log import McapLog
 from mapgraft.outputs.names import file_names
 from mapgraft.outputs.parquet_log import WRITTEN, ParquetLog, PartWriter, other_parts
@@ -27,8 +27,9 @@ from mapgraft.outputs.standing import StandingMerges
 from mapgraft.stopwatch import Stopwatch
 from mapgraft_schemas import VERSION
 
+MERGE_RECORDING = ".merge.mcap"  # after the stem
 ROUTINE = ("offered", "verified")  # events that wait for the next decision to be brought to disk
-SUMMARY = "summary.json"
+SUMMARY = RUN
 REPORT = "report.html"
 WRITING = "writing"  # the stage of a run that is spent here
 _BATCH = 512  # poses and events that wait to be written together
@@ -63,11 +64,12 @@ class RunFolder:
         self._watch = Stopwatch()
         self._intact = self._open = True
         with writing(out):
+            require_kind(out, RUN)
             out.mkdir(parents=True, exist_ok=True)
             self._lock = lock(out)
             try:
                 self._staging = Staging(out)
-                self._mcap_name = f"{stem}.merge.mcap"
+                self._mcap_name = f"{stem}{MERGE_RECORDING}"
                 self._stream = self._staging.create(self._mcap_name)
                 try:
                     self._mcap = McapLog(self._stream, run_id, provenance)

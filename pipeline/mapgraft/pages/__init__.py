@@ -4,6 +4,6 @@
 """
 
 from mapgraft.pages.document import readable, render
-from mapgraft.pages.pictures import Picture, picture, png, png_uri
+from mapgraft.pages.pictures import Picture, bar_m, data_uri, picture, png, png_uri
 
-__all__ = ["Picture", "picture", "png", "png_uri", "readable", "render"]
+__all__ = ["Picture", "bar_m", "data_uri", "picture", "png", "png_uri", "readable", "render"]

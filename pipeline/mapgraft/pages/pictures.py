@@ -38,7 +38,7 @@ class Picture:
 def picture(pixels: Pixels, alt: str, palette: Palette | None = None, pixel_m: float | None = None) -> Picture:
     """A picture with a scale bar; ``pixel_m`` is the side of a pixel in metres, None for no scale."""
     height, width = pixels.shape[:2]
-    length_m = 0.0 if pixel_m is None else _bar_m(_BAR * width * pixel_m)
+    length_m = 0.0 if pixel_m is None else bar_m(_BAR * width * pixel_m)
     percent = 0.0 if pixel_m is None else 100.0 * length_m / (width * pixel_m)
     text = f"{length_m:g} m" if length_m >= 1.0 else f"{100.0 * length_m:g} cm"
     return Picture(png_uri(pixels, palette), width, height, alt, round(percent, 3), text if percent else "")
@@ -46,7 +46,12 @@ def picture(pixels: Pixels, alt: str, palette: Palette | None = None, pixel_m: f
 
 def png_uri(pixels: Pixels, palette: Palette | None = None) -> str:
     """The picture as a ``data:`` URI."""
-    return "data:image/png;base64," + base64.b64encode(png(pixels, palette)).decode()
+    return data_uri(png(pixels, palette))
+
+
+def data_uri(file: bytes) -> str:
+    """A PNG file as a ``data:`` URI."""
+    return "data:image/png;base64," + base64.b64encode(file).decode()
 
 
 def png(pixels: Pixels, palette: Palette | None = None) -> bytes:
@@ -69,7 +74,7 @@ def png(pixels: Pixels, palette: Palette | None = None) -> bytes:
     return stream.getvalue()
 
 
-def _bar_m(longest_m: float) -> float:
-    """The greatest of 1, 2 or 5 times a power of ten that is no longer."""
+def bar_m(longest_m: float) -> float:
+    """How long a scale bar is: the greatest of 1, 2 or 5 times a power of ten that is no longer."""
     power = 10.0 ** math.floor(math.log10(longest_m))
     return next(step * power for step in _STEPS if step * power <= longest_m * (1.0 + 1e-9))

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from functools import reduce
-from typing import Final, Literal
+from typing import Literal
 
 from mapgraft.contracts import Contribution, Exactness, Layer, Map, MapType, Observation, Region
 from mapgraft.errors import ReversalError
+from mapgraft.reversal.gathering import Gathering
 from mapgraft.reversal.views import LazyView
-
-MOST_UNTOLD: Final = 64
 
 
 class Ledger:
@@ -26,14 +24,13 @@ class Ledger:
         self._contributions: dict[str, Contribution] = {}
         self._own = LazyView(map_type)
         self._fused = LazyView(map_type)
-        self._untold: list[Region] = []  # touched by observations since either map was looked at
+        self._untold = Gathering(map_type.region(self._layer))  # since either map was looked at
 
     def observe(self, observation: Observation) -> Region:
         touched = self._map_type.integrate(self._layer, observation)
         self.version += 1
-        self._untold.append(touched)
-        if len(self._untold) >= MOST_UNTOLD:
-            self._tell()
+        if self._own.is_made or self._fused.is_made:
+            self._untold.add(touched)
         return touched
 
     def merge(self, merge_id: str, contribution: Contribution) -> None:
@@ -77,11 +74,11 @@ class Ledger:
 
     def _tell(self) -> None:
         """Let both maps know what observations have touched, united once."""
-        if self._untold and (self._own.is_made or self._fused.is_made):
-            touched = reduce(lambda a, b: a.union(b), self._untold)
+        if self._untold:
+            touched = self._untold.united()
             self._own.touch(touched)
             self._fused.touch(touched)
-        self._untold.clear()
+            self._untold.clear()
 
     def _standing(self, merge_id: str) -> Contribution:
         try:

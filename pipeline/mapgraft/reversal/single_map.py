@@ -6,6 +6,7 @@ from typing import Literal
 
 from mapgraft.contracts import Contribution, Exactness, Layer, Map, MapType, Observation, Region
 from mapgraft.errors import ReversalError
+from mapgraft.reversal.gathering import Gathering
 from mapgraft.reversal.views import LazyView
 
 
@@ -25,14 +26,14 @@ class SingleMap:
         self._layer = map_type.new_layer()
         self.version = 0
         self._view = LazyView(map_type)
-        self._updated = map_type.region(self._layer)  # the local update map: of all time, whenever the merges were
+        self._updated = Gathering(map_type.region(self._layer))  # the local update map, of all time
         self._foreign: dict[str, Region] = {}
         self._before: tuple[Layer, int] | None = None  # the last layer that was the robot's own, and its version
 
     def observe(self, observation: Observation) -> Region:
         touched = self._map_type.integrate(self._layer, observation)
         self.version += 1
-        self._updated = self._updated.union(touched)
+        self._updated.add(touched)
         self._view.touch(touched)
         return touched
 
@@ -55,9 +56,10 @@ class SingleMap:
         foreign = self._foreign.pop(merge_id, None)
         if foreign is None:
             raise ReversalError(f"merge {merge_id} is not in the map: it was never made or already reverted")
-        discarded = foreign.minus(self._updated)
+        updated = self._updated.united()
+        discarded = foreign.minus(updated)
         lost = len(discarded) - len(self._without_others(discarded))
-        reset = self._map_type.reset(self._layer, foreign, self._updated)
+        reset = self._map_type.reset(self._layer, foreign, updated)
         self._foreign = {name: other.minus(discarded) for name, other in self._foreign.items()}
         self._view.touch(reset.touched)
         return Exactness(

@@ -15,7 +15,7 @@ from mapgraft.contracts import Contribution, Map, MapType, Match, Metric, Observ
 from mapgraft.evaluation.building import Pair
 from mapgraft.evaluation.scored import measured
 from mapgraft.experiments.andersone2021.outcome import Cost, Kept, Leftovers
-from mapgraft.experiments.andersone2021.raster import raster_of
+from mapgraft.experiments.andersone2021.raster import UNKNOWN, left_masks, raster_of
 from mapgraft.experiments.andersone2021.settings import STRATEGIES
 from mapgraft.reversal import Reversal, new_reversal
 
@@ -66,7 +66,7 @@ class Graft:
         return reversal
 
 
-def keep(graft: Graft, metrics: Mapping[str, Metric]) -> dict[ReversalName, Kept]:
+def kept_every_way(graft: Graft, metrics: Mapping[str, Metric]) -> dict[ReversalName, Kept]:
     """Keep one merge in every way, map on, measure, and take it out again."""
     never = graft.never_merged()
     costs = time_updates(graft)
@@ -95,16 +95,14 @@ def _leftovers(map_type: MapType, reverted: Reversal, never: Reversal) -> Leftov
 
 def compare(map_type: MapType, reverted: Map, never: Map, *, identical: bool) -> Leftovers:
     """Hold a map after a revert against the one that never merged, cell by cell as viewers see them."""
-    after, before = raster_of(map_type, reverted), raster_of(map_type, never)
-    now, then = after.joined(before)
-    was, is_ = then.classes, now.classes
-    known = was != 0
+    after, before = raster_of(map_type, reverted).joined(raster_of(map_type, never))
+    left = {name: int(mask.sum()) for name, mask in left_masks(after, before).items()}
     return Leftovers(
-        known=int(known.sum()),
-        lost=int((known & (is_ == 0)).sum()),
-        alien=int((~known & (is_ != 0)).sum()),
-        changed=int((known & (is_ != 0) & (is_ != was)).sum()),
-        touched=int((now.percent != then.percent).sum()),
+        known=int((before.classes != UNKNOWN).sum()),
+        lost=left["lost"],
+        alien=left["alien"],
+        changed=left["changed"],
+        touched=sum(left.values()),
         identical=identical,
     )
 

@@ -17,8 +17,8 @@ from mapgraft.evaluation.building import DONOR, Pair, build
 from mapgraft.evaluation.courses import Course
 from mapgraft.evaluation.drawing import Drawing, PairPlan, draw_on
 from mapgraft.evaluation.paper import paper_rules
-from mapgraft.evaluation.truth import Truth
-from mapgraft.experiments.andersone2021.keeping import Graft, keep
+from mapgraft.evaluation.truth import Error, Truth
+from mapgraft.experiments.andersone2021.keeping import Graft, kept_every_way
 from mapgraft.experiments.andersone2021.outcome import Experiment, Merge, Search
 from mapgraft.experiments.andersone2021.settings import MAP_TYPE, METRICS, Combination, Settings
 from mapgraft.experiments.andersone2021.watching import Watcher
@@ -26,10 +26,10 @@ from mapgraft.plugins import Plugins
 from mapgraft.procedures import Tools, Workshop, blaming
 from mapgraft.substitution import substituted
 
-Progress = Callable[[int, int], None]  # merges found so far, merges wanted
+Progress = Callable[[int, int, int], None]  # merges found so far, merges wanted, pairs drawn
 
 
-def conduct(laboratory: Laboratory, progress: Progress = lambda found, wanted: None) -> Experiment:
+def conduct(laboratory: Laboratory, progress: Progress = lambda found, wanted, drawn: None) -> Experiment:
     """The whole experiment on what some robots have observed, with poses that are taken as true.
 
     Raises RecordingError where no merge was accepted at all, UsageError when the recordings are too short.
@@ -40,9 +40,10 @@ def conduct(laboratory: Laboratory, progress: Progress = lambda found, wanted: N
     searches: list[Search] = []
     for combination in settings.combinations:
         seek = _Seek(combination, settings)
+        before = sum(search.drawn for search in searches)
         for merge in laboratory.merges(seek):
-            merges.append(merge)
-            progress(len(merges), wanted)
+            merges += [merge] if merge is not None else []
+            progress(len(merges), wanted, before + seek.seen["drawn"])
         searches.append(seek.told())
     if not merges:
         drawn = sum(search.drawn for search in searches)
@@ -130,17 +131,18 @@ class Laboratory:
         """The least similarity at which a merge is accepted."""
         return float(self.tools.procedure.accept.parameters["metrics"]["similarity"]["min"])
 
-    def merges(self, seek: _Seek) -> Iterator[Merge]:
-        """The merges of one combination that are wanted, in the order in which they are drawn."""
+    def merges(self, seek: _Seek) -> Iterator[Merge | None]:
+        """The merges of one combination that are wanted, in the order in which they are drawn; None for other pairs."""
         for plan in islice(self.plans(), self.settings.most_draws):
             if seek.done:
                 return
             seek.seen["drawn"] += 1
             if (graft := self._graft(seek, plan)) is None:
+                yield None
                 continue
             error = truth_of(graft.pair).error(graft.match.T_receiver_donor)
-            if seek.wants(right=error.right):
-                yield self._merge(seek.combination, graft, right=error.right)
+            wanted = seek.wants(right=error.right)
+            yield self._merge(seek.combination, graft, error) if wanted else None
 
     def plans(self) -> Iterator[PairPlan]:
         """The pairs of windows, the same for every combination."""
@@ -184,20 +186,18 @@ class Laboratory:
         compared = Compared(own.map_type, "own", T, match, placed, lambda: (own.layer, own.map))
         return Candidate(match, {name: metric.track(compared).update(Step()) for name, metric in self.metrics.items()})
 
-    def _merge(self, combination: Combination, graft: Graft, *, right: bool) -> Merge:
-        truth = truth_of(graft.pair)
-        error = truth.error(graft.match.T_receiver_donor)
+    def _merge(self, combination: Combination, graft: Graft, error: Error) -> Merge:
         return Merge(
             combination=combination,
             number=graft.pair.plan.number,
             plan=graft.pair.plan,
-            right=right,
-            overlap=truth.overlap,
+            right=error.right,
+            overlap=graft.pair.overlap,
             error_m=error.displacement_m,
             error_deg=error.rotation_deg,
             T_receiver_donor=graft.match.T_receiver_donor,
             score=graft.match.score,
-            by=keep(graft, self.metrics),
+            by=kept_every_way(graft, self.metrics),
             watched=self.watcher.watch(graft),
         )
 

@@ -75,6 +75,20 @@ def raster_of(map_type: MapType, map_: Map) -> Raster:
     raise PluginError(f"maps of the type {map_type.name!r} show themselves as no {MESSAGE}: the experiment is of grids")
 
 
+def left_masks(after: Raster, before: Raster) -> dict[str, NDArray[np.bool_]]:
+    """What a revert left, cell by cell, each cell under one name: as ``Leftovers`` counts them, but that ``touched``
+    are those of which nothing but the probability is another."""
+    now, then = after.classes, before.classes
+    known = then != UNKNOWN
+    masks = {
+        "lost": known & (now == UNKNOWN),
+        "alien": ~known & (now != UNKNOWN),
+        "changed": known & (now != UNKNOWN) & (now != then),
+    }
+    rest = (after.percent != before.percent) & ~(masks["lost"] | masks["alien"] | masks["changed"])
+    return {**masks, "touched": rest}
+
+
 def _raster(fields: dict[str, Any]) -> Raster:
     info = fields["info"]
     resolution_m = float(info["resolution"])

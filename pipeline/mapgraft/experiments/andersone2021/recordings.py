@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 DATA: Final = "MAPGRAFT_DATA"  # a folder of recordings that somebody keeps
 INTEL: Final = ("intel*.log", "intel*.log.gz", "intel*.clf", "intel*.clf.gz")
-SOURCE: Final = "http://www.ipb.uni-bonn.de/datasets/"  # where the paper names it
+DOWNLOAD: Final = "http://www.ipb.uni-bonn.de/datasets/"  # where the paper names it
 
 
 class Chosen(NamedTuple):
@@ -34,10 +34,10 @@ def chosen(here: Path | None = None, environment: Mapping[str, str] | None = Non
     environment = os.environ if environment is None else environment
     found = sorted(_found(here, environment.get(DATA, "")), key=lambda path: ("corrected" not in path.name, str(path)))
     if found:
-        return Chosen([found[0]], f"the Intel log was found: {found[0]}")
+        return Chosen([found[0]], f"the Intel log was found: {found[0].name}")
     return Chosen(
         demo()[0],
-        f"the Intel log is not here (put it into the folder, or into one that {DATA} names; it comes from {SOURCE}): "
+        f"the Intel log is not here (put it into the folder, or into one that {DATA} names; it comes from {DOWNLOAD}): "
         "the demo recordings are taken instead",
     )
 

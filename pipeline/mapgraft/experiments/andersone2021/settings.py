@@ -10,7 +10,7 @@ from mapgraft.config import ReversalName
 from mapgraft.errors import UsageError
 
 STRATEGIES: Final[tuple[ReversalName, ...]] = ("single_map", "multi_map", "ledger")
-SHORT: Final = {"single_map": "1M", "multi_map": "2M", "ledger": "ledger"}  # the first two as the paper calls them
+SHORT: Final[dict[ReversalName, str]] = {"single_map": "1M", "multi_map": "2M", "ledger": "ledger"}  # as in the paper
 MAP_TYPE: Final = "occupancy_grid"
 METRICS: Final = ("similarity", "distance")
 DRAWS_PER_MERGE: Final = 50  # pairs that are tried for each merge that is wanted, before the search is given up

@@ -13,14 +13,12 @@ import numpy as np
 from mapgraft.contracts import Exactness, Measurement, Transform
 from mapgraft.errors import UsageError
 from mapgraft.events import Event
-from mapgraft.outputs.run_folder import SUMMARY
+from mapgraft.outputs.run_folder import MERGE_RECORDING, ROUTINE, SUMMARY
 from mapgraft.outputs.staging import SUFFIX
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-MERGE_RECORDING = ".merge.mcap"
-ROUTINE = ("offered", "verified")  # events that are no decisions
 _MEASURED = ("seq", "merge_id", "metric", "value", "unit", "support", "better", "details")
 _ENDED = ("robot", "map_type", "version", "resolution_m", "known_area_m2", "known_own", "known_fused")
 _PLAIN = (

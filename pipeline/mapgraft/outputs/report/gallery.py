@@ -22,7 +22,8 @@ from mapgraft.pages import Picture
 class View:
     """Two maps held against each other at one moment, and the receiver's map with its merges.
 
-    ``title`` says when, ``contains`` that the receiver's own map holds the donor already (``single_map``).
+    ``title`` says when; ``holds`` names the donors of which the receiver's compared map holds something (with
+    ``single_map``, which keeps no own map), ``contains`` says that this donor is one of them.
     """
 
     title: str
@@ -33,6 +34,7 @@ class View:
     fused_title: str
     after: Picture | None = None
     after_title: str = ""
+    holds: tuple[str, ...] = ()
     contains: bool = False
 
     @property
@@ -81,12 +83,12 @@ def paint(scenes: Scenes, events: Iterable[Sequence[Event]]) -> Gallery:
 
 def _merged(moment: Moment) -> View:
     """Before a merge the receiver's map is its own under every reversal, or what earlier merges have made of it."""
-    return _view(moment.event, moment.before, moment.after, "at the merge", "with what came in")
+    return _view(moment.event, moment.before, moment.after, "at the merge", "with what came in", inside=False)
 
 
 def _reverted(moment: Moment) -> View:
     event, before, after = moment.event, moment.before, moment.after
-    view = _view(event, before, before, "just before it was reverted", "before the revert", _is_one_map(event))
+    view = _view(event, before, before, "just before it was reverted", "before the revert")
     own, fused = after.own_raster(), after.fused_raster()
     canvas = Canvas.around(before.own_raster(), before.donor_raster(event.donor), before.fused_raster())
     if canvas is None or fused is None:
@@ -97,16 +99,21 @@ def _reverted(moment: Moment) -> View:
 
 
 def _last(event: Event, look: Look) -> View:
-    return _view(event, look, look, "at the end", "at the end", _is_one_map(event))
+    return _view(event, look, look, "at the end", "at the end")
 
 
-def _is_one_map(event: Event) -> bool:
-    """Whether the receiver's own map holds the donor's while the merge stands."""
-    return event.reversal == "single_map"
+def _held(event: Event, look: Look, inside: bool) -> tuple[str, ...]:
+    """The donors of which the receiver's compared map holds something; ``inside`` that of the event, too."""
+    if event.reversal != "single_map":
+        return ()
+    return tuple(short(donor) for donor in sorted(look.donors) if inside or donor != event.donor)
 
 
-def _view(event: Event, compared: Look, shown: Look, when: str, which: str, contains: bool = False) -> View:
-    """``compared`` holds the two maps that are held against each other, ``shown`` the receiver's with its merges."""
+def _view(event: Event, compared: Look, shown: Look, when: str, which: str, *, inside: bool = True) -> View:
+    """``compared`` holds the two maps that are held against each other, ``shown`` the receiver's with its merges.
+
+    ``inside`` says that the merge stands already.
+    """
     own, donor, fused = compared.own_raster(), compared.donor_raster(event.donor), shown.fused_raster()
     canvas = Canvas.around(own, donor, fused)
     if canvas is None:
@@ -121,4 +128,5 @@ def _view(event: Event, compared: Look, shown: Look, when: str, which: str, cont
         difference, agreement = difference_picture(mine, theirs, cell_m, said)
     if fused is not None:
         merged = fused_picture(mine, canvas.cells_of(fused), cell_m, f"{receiver}'s merged map {which}")
-    return View(when, overlay, difference, agreement, merged, which, contains=contains)
+    holds = _held(event, compared, inside)
+    return View(when, overlay, difference, agreement, merged, which, holds=holds, contains=giver in holds)

@@ -20,7 +20,7 @@ from mapgraft.outputs.report.scenes import Scenes
 from mapgraft.outputs.report.settings import changed, versions
 from mapgraft.outputs.report.timeline import timeline
 from mapgraft.outputs.report.words import Clock, count, listed, size
-from mapgraft.outputs.run_folder import REPORT, SUMMARY
+from mapgraft.outputs.run_folder import MERGE_RECORDING, REPORT, SUMMARY
 from mapgraft.outputs.staging import Staging, writing
 from mapgraft.pages import render
 
@@ -44,7 +44,7 @@ def page_of(path: Path) -> str:
     return render(
         "report.html",
         version=__version__,
-        name=run.recording.name.removesuffix(".merge.mcap"),
+        name=run.recording.name.removesuffix(MERGE_RECORDING),
         clock=clock,
         lead=_lead(run, merges, clock),
         tiles=_tiles(run, merges, clock),

@@ -9,7 +9,7 @@ from typing import Final
 from mapgraft.events import Event
 from mapgraft.outputs.report.words import TONES, Clock, count, happened
 
-_KINDS: Final = ("rejected", "unmatched", "ambiguous")
+ATTEMPTS: Final = ("rejected", "unmatched", "ambiguous")  # kinds of events after which nothing was merged
 _MOST_REASONS: Final = 400  # of a pair
 _MOST_PAIRS: Final = 400
 
@@ -46,7 +46,7 @@ def not_merged(decisions: Sequence[Event], clock: Clock) -> NotMerged:
     """Attempts that were turned away; equal reasons of a pair are one row."""
     by_pair: dict[tuple[str, str], list[Event]] = {}
     for event in decisions:
-        if event.kind in _KINDS:
+        if event.kind in ATTEMPTS:
             by_pair.setdefault((event.receiver, event.donor), []).append(event)
     pairs = [_pair(*pair, by_pair[pair], clock) for pair in sorted(by_pair)[:_MOST_PAIRS]]
     return NotMerged(pairs, len(by_pair) - len(pairs))
@@ -68,6 +68,6 @@ def _pair(receiver: str, donor: str, events: Sequence[Event], clock: Clock) -> P
         )
         for (kind, reason, by), found in list(alike.items())[:_MOST_REASONS]
     ]
-    counted = [(kind, sum(event.kind == kind for event in events)) for kind in _KINDS]
+    counted = [(kind, sum(event.kind == kind for event in events)) for kind in ATTEMPTS]
     said = ", ".join(count(n, f"time {kind}", f"times {kind}") for kind, n in counted if n)
     return Pair(receiver, donor, said, reasons, len(alike) - len(reasons))

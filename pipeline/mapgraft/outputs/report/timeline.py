@@ -8,13 +8,13 @@ from typing import Final
 
 from mapgraft.events import Event
 from mapgraft.outputs.report.axes import Axis
+from mapgraft.outputs.report.pairs import ATTEMPTS
 from mapgraft.outputs.report.words import TONES, Clock, happened, short
 
 _LEFT, _RIGHT, _TOP, _ROW, _FOOT = 190.0, 990.0, 8.0, 26.0, 34.0  # drawing units
 _MOST_ROWS: Final = 60
 _NEAR: Final = 5.0  # drawing units: marks of a kind that lie closer are one mark
 _LABEL: Final = 11  # characters of a robot's name
-_ATTEMPTS = ("rejected", "unmatched", "ambiguous")
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ class _Drawing:
         label = f"{short(pair[0], _LABEL)} ← {short(pair[1], _LABEL)}"
         row = Row(_TOP + _ROW * (n + 0.5), label, f"{pair[0]} receives from {pair[1]}")
         row.bars += self._bars(events)
-        for kind in ("updated", *_ATTEMPTS, "merged", "confirmed", "reverted"):
+        for kind in ("updated", *ATTEMPTS, "merged", "confirmed", "reverted"):
             row.marks += self._marks(kind, [event for event in events if event.kind == kind])
         return row
 
@@ -128,7 +128,7 @@ class _Drawing:
         if len(events) > 1:
             said = f"{len(events)} events up to {self.clock.at(events[-1].stamp_ns)}, the first: {said}"
         href = self.anchors.get(first.merge_id, "")
-        if not href and kind in _ATTEMPTS:
+        if not href and kind in ATTEMPTS:
             href = "#not-merged"
         return Mark(self._x(first.stamp_ns), kind, TONES[kind], short(said, 300), href)
 

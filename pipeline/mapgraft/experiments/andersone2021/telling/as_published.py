@@ -65,9 +65,40 @@ def of(experiment: Experiment, combination: Combination | None = None, right: bo
     ]
 
 
-def measured(kept: Kept, metric: str, moment: str) -> float:
+def reading(kept: Kept, metric: str, moment: str) -> float:
     """A metric at a moment; NaN where too little was shared."""
     return (kept.initial if moment == "initial" else kept.end)[metric]
+
+
+def same_numbers(a: Kept, b: Kept) -> bool:
+    """Whether two ways of keeping a merge told the same to the last bit, also where that is NaN."""
+    return all(
+        list(ours) == list(theirs) and np.array_equal(list(ours.values()), list(theirs.values()), equal_nan=True)
+        for ours, theirs in ((a.initial, b.initial), (a.end, b.end))
+    )
+
+
+def ways_shown(experiment: Experiment) -> dict[ReversalName, str]:
+    """Ways of keeping a merge that are drawn apart: the ledger with two maps where all of their numbers are equal."""
+    if all(same_numbers(merge.by["ledger"], merge.by["multi_map"]) for merge in experiment.merges):
+        return {"single_map": "1M", "multi_map": "2M and ledger"}
+    return dict(SHORT)
+
+
+def draws(merges: Sequence[Merge], right: bool | None = None) -> int:
+    """Of how many different draws merges are: the same pair is merged at several resolutions."""
+    return len({merge.number for merge in merges if right in (None, merge.right)})
+
+
+def shared_draws(experiment: Experiment) -> str:
+    """A sentence for numbers of all merges together."""
+    right, wrong = (draws(experiment.merges, kind) for kind in KINDS.values())
+    if right + wrong == len(experiment.merges):
+        return "Every merge is of another draw."
+    return (
+        f"The {len(experiment.merges)} merges come from {right} different draws of right and {wrong} of wrong ones, "
+        "because the same pairs are merged at several resolutions: they are not independent of each other."
+    )
 
 
 def ranged(values: Sequence[float]) -> Number:
@@ -182,11 +213,11 @@ def _published(combination: Combination, kind: str, strategy: ReversalName, name
 
 
 def _average(metric: str, moment: str) -> Sought:
-    return lambda merges, s: Number(mean([measured(merge.by[s], metric, moment) for merge in merges]))
+    return lambda merges, s: Number(mean([reading(merge.by[s], metric, moment) for merge in merges]))
 
 
 def _range(metric: str, moment: str) -> Sought:
-    return lambda merges, s: ranged([measured(merge.by[s], metric, moment) for merge in merges])
+    return lambda merges, s: ranged([reading(merge.by[s], metric, moment) for merge in merges])
 
 
 def _milliseconds(cost: Callable[[Cost], float]) -> Sought:
@@ -206,7 +237,7 @@ def _missing(merges: Sequence[Merge]) -> str:
     told = []
     for metric in METRICS:
         count = sum(
-            any(math.isnan(measured(kept, metric, moment)) for kept in merge.by.values() for moment in MOMENTS)
+            any(math.isnan(reading(kept, metric, moment)) for kept in merge.by.values() for moment in MOMENTS)
             for merge in merges
         )
         told += [f"{METRIC_NAMES[metric]} of {count}"] if count else []

@@ -1,9 +1,9 @@
-"""Charts: histograms of SM and DM, curves, how DM moves with the resolution, what an update costs."""
+"""Charts: histograms of SM and DM, how DM moves with the resolution, what an update costs."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -11,8 +11,8 @@ import numpy as np
 from mapgraft.config import ReversalName
 from mapgraft.experiments.andersone2021.outcome import Experiment
 from mapgraft.experiments.andersone2021.settings import METRICS, SHORT, STRATEGIES, Combination
-from mapgraft.experiments.andersone2021.telling.as_published import COSTS, KINDS, METRIC_NAMES, MOMENTS, of, ratio
-from mapgraft.experiments.andersone2021.telling.detection import POOLED, WATCHED, Curve, Values, metric_values
+from mapgraft.experiments.andersone2021.telling.as_published import COSTS, KINDS, METRIC_NAMES, of, ratio, ways_shown
+from mapgraft.experiments.andersone2021.telling.detection import Curve, Values, metric_values
 from mapgraft.experiments.andersone2021.telling.drawn import (
     BLUE,
     GREEN,
@@ -32,16 +32,16 @@ if TYPE_CHECKING:
 
 BINS: Final = 16
 COLOURS: Final = {"right": BLUE, "wrong": VERMILLION}
-TWO: Final[Mapping[ReversalName, str]] = {"single_map": "1M", "multi_map": "2M and ledger"}
 
 
 def histograms(experiment: Experiment, curves: Sequence[Curve]) -> list[Drawn]:
     """Figure 6 for the first combination, with SM and with two maps beside it, and the same for all of them."""
-    combinations = experiment.settings.combinations
-    name = combinations[0].name
+    name, ways = experiment.settings.combinations[0].name, ways_shown(experiment)
+    same = "" if "ledger" in ways else " With the ledger all numbers are those of two maps."
     both = (
         f"SM and DM after the further scans, right and wrong merges, {name}. The paper shows DM with one map (below, "
-        "left). Dashed: the best threshold. With the ledger all numbers are those of two maps."
+        f"left). Dashed: the best threshold. Where bars of both kinds lie on each other their "
+        f"colours mix to brown.{same}"
     )
     everything = "The same for all resolutions, one row each. Scales differ from panel to panel."
     return [
@@ -51,11 +51,12 @@ def histograms(experiment: Experiment, curves: Sequence[Curve]) -> list[Drawn]:
 
 
 def _six(experiment: Experiment, curves: Sequence[Curve]) -> bytes:
+    ways = ways_shown(experiment)
     with drawing():
-        figure = canvas(9.0, 5.6)
-        axes = figure.subplots(2, 2)
+        figure = canvas(4.5 * len(ways), 5.6)
+        axes = figure.subplots(2, len(ways), squeeze=False)
         for row, metric in zip(axes, METRICS, strict=True):
-            for ax, (strategy, title) in zip(row, TWO.items(), strict=True):
+            for ax, (strategy, title) in zip(row, ways.items(), strict=True):
                 _histogram(ax, experiment, experiment.settings.combinations[0], metric, strategy, curves)
                 ax.set_title(f"{METRIC_NAMES[metric]}, {title}")
                 ax.set_xlabel("share of equal cells" if metric == "similarity" else "cells of the receiver's grid")
@@ -65,15 +66,15 @@ def _six(experiment: Experiment, curves: Sequence[Curve]) -> bytes:
 
 
 def _all_six(experiment: Experiment, curves: Sequence[Curve]) -> bytes:
-    combinations = experiment.settings.combinations
+    combinations, ways = experiment.settings.combinations, ways_shown(experiment)
+    kinds = [(metric, strategy) for metric in METRICS for strategy in ways]
     with drawing():
-        figure = canvas(11.5, 2.3 * len(combinations) + 0.4)
-        axes = figure.subplots(len(combinations), 4, squeeze=False)
+        figure = canvas(2.9 * len(kinds), 2.3 * len(combinations) + 0.4)
+        axes = figure.subplots(len(combinations), len(kinds), squeeze=False)
         for place, (row, combination) in enumerate(zip(axes, combinations, strict=True)):
-            kinds = [(metric, strategy) for metric in METRICS for strategy in TWO]
             for ax, (metric, strategy) in zip(row, kinds, strict=True):
                 _histogram(ax, experiment, combination, metric, strategy, curves)
-                ax.set_title(f"{METRIC_NAMES[metric]}, {TWO[strategy]}" if place == 0 else "")
+                ax.set_title(f"{METRIC_NAMES[metric]}, {ways[strategy]}" if place == 0 else "")
             row[0].set_ylabel(f"{combination.name}\nmerges")
         axes[0][0].legend()
         return png_of(figure)
@@ -121,83 +122,6 @@ def _there(
     return values[~np.isnan(values)]
 
 
-def curves_figure(experiment: Experiment, curves: Sequence[Curve]) -> Drawn:
-    """The receiver operating characteristic of SM and DM with one map and with two."""
-    title = "Which of SM and DM tells wrong merges"
-    pooled = [curve for curve in curves if curve.group == POOLED and curve.moment == "end"]
-    if not pooled:
-        return Drawn("roc", title, "There are too few merges for a curve: ask for more.", None)
-    with drawing():
-        figure = canvas(8.6, 4.2)
-        axes = figure.subplots(1, 2, sharey=True)
-        for ax, (strategy, name) in zip(axes, TWO.items(), strict=True):
-            ax.set_title(name)
-            ax.plot((0.0, 100.0), (0.0, 100.0), color=MUTED, linewidth=0.7, linestyle=":")
-            for curve in pooled:
-                if curve.source == strategy:
-                    colour, dashes = _LINES[curve.number]
-                    label = f"{METRIC_NAMES[curve.number]} ({curve.area.value:.3f})"
-                    ax.plot(*(100.0 * curve.points.T), color=colour, linestyle=dashes, linewidth=2.2, label=label)
-            ax.legend(loc="lower right")
-            ax.set_xlabel("right merges called wrong, %")
-            ax.set_xlim(-2.0, 102.0)
-            ax.set_ylim(-2.0, 102.0)
-        axes[0].set_ylabel("wrong merges found, %")
-        caption = (
-            f"After the further scans, all resolutions together ({len(experiment.merges)} merges). A perfect number "
-            "goes through the upper left corner. In brackets: area under the curve."
-        )
-        return Drawn("roc", title, caption, png_of(figure))
-
-
-def areas_figure(experiment: Experiment, curves: Sequence[Curve]) -> Drawn:
-    """Areas under the curve with their intervals: SM and DM as merges are kept, and what our own rules look at."""
-    title = "How well each number tells wrong merges"
-    found = {(c.number, c.source, c.moment): c for c in curves if c.group == POOLED and _is_shown(c)}
-    if not found:
-        return Drawn("areas", title, "There are too few merges for a curve: ask for more.", None)
-    names = list(dict.fromkeys((number, source) for number, source, _ in found))
-    ours = [name for name in names if name[1] == WATCHED]
-    ours.sort(key=lambda name: -max(found[*name, at].area.value for at in MOMENTS if (*name, at) in found))
-    rows = [name for name in names if name[1] != WATCHED] + ours
-    with drawing():
-        figure = canvas(8.6, 0.27 * len(rows) + 1.1)
-        ax = figure.subplots()
-        for place, name in enumerate(rows):
-            for moment, colour, mark, shift in (("initial", MUTED, "o", -0.16), ("end", BLUE, "D", 0.16)):
-                if (curve := found.get((*name, moment))) is not None:
-                    ends = (curve.area.low, curve.area.high)
-                    sure = ":" if curve.area.value in (0.0, 1.0) else "-"
-                    ax.plot(ends, (place + shift,) * 2, color=colour, linewidth=1.6, linestyle=sure)
-                    ax.plot(curve.area.value, place + shift, mark, color=colour, markersize=4.5)
-        ax.axvline(0.5, color=MUTED, linewidth=0.7, linestyle=":")
-        ax.set_yticks(range(len(rows)), [_row_name(*name) for name in rows])
-        ax.set_ylim(len(rows) - 0.5, -0.5)
-        ax.set_xlabel("area under the curve (grey circle: at the merge, blue diamond: in the end)")
-        caption = (
-            "All resolutions together, with 95 % intervals. Above SM and DM, below the numbers that our own rules look "
-            "at. One half is chance. Dotted: right and wrong do not overlap, so that only a cautious bound can be told."
-        )
-        return Drawn("areas", title, caption, png_of(figure))
-
-
-_LINES: Final = {"similarity": (BLUE, "-"), "distance": (VERMILLION, "--")}
-
-
-def _is_shown(curve: Curve) -> bool:
-    """Metrics as merges are kept, and numbers of our rules that are neither those again nor details."""
-    if curve.source != WATCHED:
-        return curve.source in TWO
-    return curve.number not in METRICS and ("." not in curve.number or curve.number.startswith("verifier."))
-
-
-def _row_name(number: str, source: str) -> str:
-    for strategy, name in TWO.items():
-        if strategy == source:
-            return f"{METRIC_NAMES[number]}, {name}"
-    return number.replace("_", " ").replace(".", ": ")
-
-
 def resolution_figure(experiment: Experiment, curves: Sequence[Curve]) -> Drawn:
     """DM with two maps by resolutions, in cells and in metres, with the best threshold of each."""
     combinations = experiment.settings.combinations
@@ -220,8 +144,8 @@ def resolution_figure(experiment: Experiment, curves: Sequence[Curve]) -> Drawn:
             ax.grid(axis="x", visible=False)
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
         caption = (
-            "DM after the further scans with two maps or the ledger; every dot is a merge, bars are means, dashed "
-            "lines the best threshold at each resolution."
+            f"DM after the further scans, {ways_shown(experiment)['multi_map']}; every dot is a merge, bars are means, "
+            "dashed lines the best threshold at each resolution."
         )
         return Drawn("resolution", "How DM moves with the resolution", caption, png_of(figure))
 

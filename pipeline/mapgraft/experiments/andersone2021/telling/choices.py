@@ -9,6 +9,7 @@ from mapgraft.evaluation.truth import RIGHT_DEG, RIGHT_M
 from mapgraft.experiments.andersone2021.keeping import ROUNDS
 from mapgraft.experiments.andersone2021.outcome import Experiment
 from mapgraft.experiments.andersone2021.raster import FREE_TO, OCCUPIED_FROM
+from mapgraft.experiments.andersone2021.telling.grounds import ENOUGH, LITTLE, MUCH, TRACES
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,10 +27,20 @@ _CARPIN = Choice(
 )
 
 
+_CRITERIA = Choice(
+    "what is little, similar, insignificant",
+    f"The paper gives no numbers. For us ranges overlap little when at most {100 * LITTLE:g} % of the merges lie in "
+    f"the range of both kinds, and are very similar from {100 * MUCH:g} % on; what a revert leaves is insignificant "
+    f"below {100 * TRACES:g} % of the known cells; DM is about the same in one unit when it is closer "
+    f"together there than in the other. With fewer than {ENOUGH} merges of a kind in a group (of all "
+    "together: different draws) nothing is judged.",
+)
+
+
 def choices(experiment: Experiment) -> list[Choice]:
     """Every choice that somebody who repeats the paper would have to make, too."""
     matcher = [_CARPIN] if experiment.matcher == "carpin" else []
-    return [*_of_the_pairs(experiment), *matcher, *_of_the_maps(), *_of_the_metrics(), *_of_the_costs()]
+    return [*_of_the_pairs(experiment), *matcher, *_of_the_maps(), *_of_the_metrics(), *_of_the_costs(), _CRITERIA]
 
 
 def _of_the_pairs(experiment: Experiment) -> list[Choice]:
@@ -46,7 +57,8 @@ def _of_the_pairs(experiment: Experiment) -> list[Choice]:
             f"Two windows of {settings.scans} scans of one recording, drawn at random by seed {settings.seed}; "
             f"{settings.further} further scans of the receiver follow. Between the two lie at least {apart}. The same "
             "pairs are tried with every combination of resolutions, in the same order, and the first right and wrong "
-            "ones that are accepted are kept.",
+            "ones that are accepted are kept. Pairs that share nothing are drawn, too: the table of what was drawn "
+            "tells how much right and wrong merges share.",
         ),
         Choice(
             "where the map frames lie",

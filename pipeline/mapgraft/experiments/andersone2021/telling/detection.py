@@ -19,6 +19,7 @@ from mapgraft.experiments.andersone2021.telling.as_published import MOMENTS, of
 
 POOLED: Final = "together"
 WATCHED: Final = "watched"  # where numbers are our own rules' and not of a way of keeping the merge
+OURS: Final = ("verifier.log_odds_wrong", "posterior", "contradiction")  # what our verifier judges by
 _LEAST: Final = 2  # of each kind that have a number, for a curve to say something
 
 Values = NDArray[np.float64]  # (n,) one number per merge, NaN where it has none

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 from mapgraft.evaluation.document import finite
@@ -16,6 +17,7 @@ from mapgraft.experiments.andersone2021.telling.detection import WATCHED, Curve
 from mapgraft.experiments.andersone2021.telling.published import SOURCE
 from mapgraft.experiments.andersone2021.telling.statements import Statement
 from mapgraft.experiments.andersone2021.telling.tables import Column, Number, Row, Table
+from mapgraft.experiments.andersone2021.timing import Timing
 from mapgraft.outputs.provenance import RunProvenance
 
 DOCUMENT: Final = "experiment.json"  # its name in a folder
@@ -43,7 +45,8 @@ def document(
 ) -> dict[str, Any]:
     """Everything that is told of an experiment; numbers that are not finite are None.
 
-    ``why`` says why these recordings were taken, where nobody named any. What depends on the clock is under ``times``:
+    ``why`` says why these recordings were taken, where nobody named any. How long everything took is not known yet
+    (``timing_told``). What depends on the clock is under ``times``:
     there are the cells of timed rows and columns of ``tables``, and what was found of timed ``statements``, by name.
     """
     content: dict[str, Any] = finite(
@@ -54,7 +57,7 @@ def document(
             "plugins": dict(sorted(provenance.plugins.items())),
             "config": provenance.config_text,
             "decision_table": provenance.decision_table_text,
-            "files": [dataclasses.asdict(file) for file in provenance.inputs],
+            "files": [dataclasses.asdict(file) | {"path": Path(file.path).name} for file in provenance.inputs],
             "why": why,
             "settings": _settings(experiment),
             "choices": [dataclasses.asdict(choice) for choice in choices(experiment)],
@@ -100,9 +103,18 @@ def _times(experiment: Experiment, tables: Sequence[Table], statements: Sequence
     timed = {table.name: {row.name: _cells(table, row, timed=True) for row in table.rows} for table in tables}
     return {
         "elapsed_s": experiment.elapsed_s,
+        **timing_told(None),
         "statements": {one.name: {"found": one.found, "holds": one.holds} for one in statements if one.timed},
         "tables": {name: {row: cells for row, cells in rows.items() if cells} for name, rows in timed.items()},
     }
+
+
+def timing_told(taken: Timing | None) -> dict[str, Any]:
+    """How long everything took, and on which machine, as parts of ``times``; nothing where it is not known."""
+    if taken is None:
+        return {"whole_s": None, "machine": None}
+    machine = {"cpus": taken.cpus, "processor": taken.processor, "load": list(taken.load)}
+    return {"whole_s": taken.whole_s, "machine": machine}
 
 
 def _statement(one: Statement) -> dict[str, Any]:
@@ -153,7 +165,8 @@ def _curve(curve: Curve) -> dict[str, Any]:
         "threshold": dataclasses.asdict(curve.threshold),
         "missing": curve.missing,
     }
-    return told if curve.source == WATCHED and "." in curve.number else told | {"points": curve.points.tolist()}
+    is_detail = curve.source == WATCHED and "." in curve.number and not curve.number.startswith("verifier.")
+    return told if is_detail else told | {"points": curve.points.tolist()}
 
 
 def _read_table(told: Mapping[str, Any], timed: Mapping[str, Any]) -> Table:

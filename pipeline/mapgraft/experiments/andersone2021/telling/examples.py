@@ -13,7 +13,7 @@ from mapgraft.evaluation.building import frame_of
 from mapgraft.experiments.andersone2021.keeping import ID, Graft
 from mapgraft.experiments.andersone2021.outcome import Experiment, Merge
 from mapgraft.experiments.andersone2021.protocol import Laboratory
-from mapgraft.experiments.andersone2021.telling.as_published import measured, of
+from mapgraft.experiments.andersone2021.telling.as_published import of, reading
 from mapgraft.reversal import Reversal
 
 PASSED: Final = 0.95  # SM that the paper's example of a wrong merge exceeds (section 4.3)
@@ -102,10 +102,10 @@ def remake(laboratory: Laboratory, example: Example) -> Remade:
 
 def _accepted_at(merge: Merge) -> float:
     """SM between the receiver's own map and the donor's at the merge; NaN is least."""
-    value = measured(merge.by["multi_map"], "similarity", "initial")
+    value = reading(merge.by["multi_map"], "similarity", "initial")
     return -math.inf if math.isnan(value) else value
 
 
 def _end_distance(merge: Merge) -> float:
-    value = measured(merge.by["multi_map"], "distance", "end")
+    value = reading(merge.by["multi_map"], "distance", "end")
     return -math.inf if math.isnan(value) else value

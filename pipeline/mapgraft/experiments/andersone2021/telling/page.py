@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import struct
 from collections.abc import Mapping, Sequence
@@ -10,20 +9,35 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import Any, Final
 
-from mapgraft.errors import UsageError
+from jinja2 import TemplateError
+
+from mapgraft.errors import OutputError, UsageError
+from mapgraft.experiments.andersone2021.telling.beyond import IN_VIEW
 from mapgraft.experiments.andersone2021.telling.document import DOCUMENT, FORMAT, statements_in, tables_in
 from mapgraft.experiments.andersone2021.telling.statements import Statement
-from mapgraft.experiments.andersone2021.telling.tables import Table
-from mapgraft.pages import render
+from mapgraft.experiments.andersone2021.telling.tables import Number, Table
+from mapgraft.pages import data_uri, readable, render
 
 TEMPLATE: Final = "andersone2021.html"
-SOURCES: Final = {
+CLAIMANTS: Final = {
     "ledger": "What the ledger promises",
     "paper": "What the paper says",
     "tables": "What the paper's tables show",
     "rules": "Our own rules",
 }
+_LEADS: Final[Mapping[str, str]] = {"rules": IN_VIEW}  # what is to be known before the claims
 _VERDICTS: Final = {True: ("holds", "good"), False: ("does not hold", "bad"), None: ("cannot be told", "none")}
+_DAMAGE: Final = (  # what a document of other keys and types leads to, wherever it is used
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    StopIteration,
+    ArithmeticError,
+    RecursionError,
+    TemplateError,
+)
+_LONGEST: Final = 200  # characters of what is said about damage
 _NOTHING: Final[Mapping[str, Any]] = {"name": "", "title": "", "caption": "", "file": ""}
 
 
@@ -71,7 +85,7 @@ SECTIONS: Final = (
         "Which numbers tell wrong merges, and from which threshold on",
         "The paper leaves open how thresholds are chosen, because they move with resolution and quality.",
         ("roc", "areas", "resolution:figure", "resolution", "thresholds", "verdicts"),
-        ("detection", "evidence"),
+        ("roc_by_resolution", "detection", "evidence"),
     ),
     Section(
         "costs",
@@ -86,7 +100,7 @@ SECTIONS: Final = (
 def page_of(folder: Path) -> str:
     """The page of a folder that ``mapgraft experiment andersone2021`` wrote, made anew from its JSON and its figures.
 
-    Raises UsageError when there is no such JSON, or when it is damaged.
+    Raises UsageError when there is no such JSON, OutputError when it is damaged.
     """
     path = folder / DOCUMENT
     try:
@@ -96,8 +110,9 @@ def page_of(folder: Path) -> str:
         return page(content, figures)
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}; give the folder of an experiment") from None
-    except (ValueError, KeyError, TypeError, AttributeError, StopIteration) as error:
-        raise UsageError(f"{path} is damaged or of another version ({error}): run the experiment again") from None
+    except _DAMAGE as error:
+        reason = readable(str(error)).partition("\n")[0][:_LONGEST] or type(error).__name__
+        raise OutputError(f"{path} is damaged or of another version ({reason}): run the experiment again") from None
 
 
 def _is_inside(folder: Path, name: str) -> bool:
@@ -123,9 +138,9 @@ def page(document: Mapping[str, Any], figures: Mapping[str, bytes]) -> str:
         recordings=", ".join(PurePath(file["path"]).name for file in document["files"]),
         tiles=_tiles(document, tables),
         ways=tables["ways"],
-        groups=[(title, _judged(said, source)) for source, title in SOURCES.items()],
+        groups=[(title, _LEADS.get(who, ""), _judged(said, who)) for who, title in CLAIMANTS.items()],
         sections=[_filled(section, tables, pictures) for section in SECTIONS],
-        elapsed_s=document["times"]["elapsed_s"],
+        taken=_taken(document["times"]),
     )
 
 
@@ -136,15 +151,37 @@ def _tiles(document: Mapping[str, Any], tables: Mapping[str, Table]) -> list[tup
     same = {row.name: row.cells["identical"].text(0) for row in ways.rows}
     cost = ways.row("ledger").cells["update"].text(2)
     two = ways.row("multi_map").cells["update"].text(2)
-    areas = {row.name: row.cells["distance"].text(3) for row in ways.rows if "distance" in row.cells}
+    areas = {row.name: row.cells["distance"] for row in ways.rows if "distance" in row.cells}
     tiles = [
         ("merges, each kept in three ways", f"{merges:.0f}", ""),
         ("ledger after the revert: same bytes", same["ledger"], f"1M {same['single_map']}, 2M {same['multi_map']}"),
         ("ledger's update, 1M = 1", cost, f"2M {two}"),
     ]
     if "ledger" in areas:
-        tiles.append(("DM tells wrong merges (area)", areas["ledger"], f"1M {areas['single_map']}"))
-    return [*tiles, ("the whole experiment", f"{document['times']['elapsed_s']:.0f} s", "without pictures")]
+        tiles.append(_area_tile(areas))
+    whole_s = document["times"].get("whole_s")
+    whole = "" if whole_s is None else f"everything {whole_s:.0f} s"
+    return [*tiles, ("the merges", f"{document['times']['elapsed_s']:.0f} s", whole)]
+
+
+def _area_tile(areas: Mapping[str, Number]) -> tuple[str, str, str]:
+    """The area of the ledger's DM, and in small its interval and that of one map."""
+    ours, one = areas["ledger"], areas["single_map"].text(3) if "single_map" in areas else "not told"
+    value, _, ends = ours.text(3).partition(" (")
+    interval = f"95 %: {ends.removesuffix(')')}; " if ends else ""
+    return "DM tells wrong merges (area)", value, f"{interval}1M {one}"
+
+
+def _taken(times: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """How long what took, and on which machine, as far as it is known."""
+    told = [("the merges", f"{times['elapsed_s']:.1f} s")]
+    if (whole_s := times.get("whole_s")) is not None:
+        told.append(("everything", f"{whole_s:.1f} s, from reading to written files"))
+    if machine := times.get("machine"):
+        told.append(("processor", f"{machine['cpus']} × {machine['processor'] or 'unknown'}"))
+        load = " / ".join(f"{mean:.1f}" for mean in machine["load"])
+        told += [("load average (1 / 5 / 15 min)", load)] if load else []
+    return told
 
 
 def _judged(said: Sequence[Statement], source: str) -> list[tuple[Statement, str, str]]:
@@ -176,5 +213,4 @@ def _picture(told: Mapping[str, Any], figures: Mapping[str, bytes]) -> Picture:
     if not png.startswith(b"\x89PNG") or len(png) < 24:
         return replace(found, caption=f"{known['caption']} The file {known['file']} is not there or no PNG.")
     width, height = struct.unpack(">II", png[16:24])
-    uri = "data:image/png;base64," + base64.b64encode(png).decode()
-    return replace(found, uri=uri, width_px=width, height_px=height)
+    return replace(found, uri=data_uri(png), width_px=width, height_px=height)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from mapgraft.experiments.andersone2021.outcome import Experiment, Kept, Leftovers
 from mapgraft.experiments.andersone2021.protocol import Laboratory
-from mapgraft.experiments.andersone2021.raster import OCCUPIED, Raster, raster_of
+from mapgraft.experiments.andersone2021.raster import OCCUPIED, Raster, left_masks, raster_of
 from mapgraft.experiments.andersone2021.settings import SHORT, STRATEGIES
 from mapgraft.experiments.andersone2021.telling.drawn import (
     BLUE,
@@ -26,6 +25,7 @@ from mapgraft.experiments.andersone2021.telling.drawn import (
     png_of,
 )
 from mapgraft.experiments.andersone2021.telling.examples import Remade, remake, right_example, wrong_example
+from mapgraft.pages import bar_m
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,7 +64,7 @@ def map_figures(experiment: Experiment, laboratory: Laboratory) -> list[Drawn]:
         return [*figures, *(Drawn(name, said, _NONE, None) for name, said in titles.items())]
     remade = remake(laboratory, wrong)
     figures.append(Drawn("figure7", titles["figure7"], wrong.why + _ORIGINALS, _originals(remade)))
-    figures.append(Drawn("figure8", titles["figure8"], _MAINTAINED, _maintained(remade)))
+    figures.append(Drawn("figure8", titles["figure8"], _MAINTAINED + _own_maps(remade), _maintained(remade)))
     figures.append(Drawn("figure9", titles["figure9"], _left_caption(remade), _reverted(remade)))
     return figures
 
@@ -76,8 +76,14 @@ _ORIGINALS: Final = (
 _MAINTAINED: Final = (
     "The wrong merge of figure 7 after the further scans. Two maps keep the robot's own and the merged one; one map "
     "only the merged one, from which nobody can tell the donor's share any more. The ledger keeps every source apart: "
-    "both maps are views of it, the own one with the same bytes as that of two maps."
+    "both maps are views of it. "
 )
+
+
+def _own_maps(remade: Remade) -> str:
+    """Whether the robot's own map is the same in the ledger and in two maps, byte for byte."""
+    own = [remade.map_type.encode(remade.mapped_on(way).compared_layer()) for way in ("multi_map", "ledger")]
+    return f"The own maps of both have {'the same' if own[0] == own[1] else 'other'} bytes."
 
 
 def _left_caption(remade: Remade) -> str:
@@ -114,20 +120,22 @@ def _originals(remade: Remade) -> bytes:
 
 
 def _maintained(remade: Remade) -> bytes:
+    """One map beside the others' two, which stand above each other."""
     with drawing():
         figure = canvas(11.5, 8.0)
-        axes = figure.subplots(2, 3)
+        cells = figure.add_gridspec(4, 3)
         panels = []
-        for (above, below), strategy in zip(axes.T, STRATEGIES, strict=True):
+        for column, strategy in enumerate(STRATEGIES):
             reversal, name = remade.mapped_on(strategy), SHORT[strategy]
             merged = raster_of(remade.map_type, reversal.fused())
-            panels.append(_show(below, merged, shades(merged), remade.yaw_rad, f"{name}: merged map"))
-            if strategy == "single_map":
-                above.text(0.5, 0.5, "1M: no own map is kept", ha="center", va="center", transform=above.transAxes)
-                above.axis("off")
-                continue
-            own = raster_of(remade.map_type, reversal.own())
-            panels.append(_show(above, own, shades(own), remade.yaw_rad, f"{name}: own map"))
+            alone = strategy == "single_map"
+            ax = figure.add_subplot(cells[1:3, column] if alone else cells[2:, column])
+            title = f"{name}: merged map, no own one" if alone else f"{name}: merged map"
+            panels.append(_show(ax, merged, shades(merged), remade.yaw_rad, title))
+            if not alone:
+                own = raster_of(remade.map_type, reversal.own())
+                above = figure.add_subplot(cells[:2, column])
+                panels.append(_show(above, own, shades(own), remade.yaw_rad, f"{name}: own map"))
         shape = _same_scale(panels)
         figure.set_size_inches(11.5, 11.5 * 2.0 / 3.0 * shape + 0.5)
         return png_of(figure)
@@ -176,20 +184,6 @@ def _walls(own: Raster, donor: Raster) -> Shades:
     for where, colour in ((ours, BLUE), (theirs, ORANGE), (ours & theirs, INK)):
         out[where, :3] = _rgb(colour)
     return out
-
-
-def left_masks(after: Raster, before: Raster) -> dict[str, NDArray[np.bool_]]:
-    """What a revert left, cell by cell, each cell under one name: as ``Leftovers`` counts them, but that ``touched``
-    are those of which nothing but the probability is another."""
-    now, then = after.classes, before.classes
-    known = then != 0
-    masks = {
-        "lost": known & (now == 0),
-        "alien": ~known & (now != 0),
-        "changed": known & (now != 0) & (now != then),
-    }
-    rest = (after.percent != before.percent) & ~(masks["lost"] | masks["alien"] | masks["changed"])
-    return {**masks, "touched": rest}
 
 
 def left_anything(after: Raster, before: Raster) -> NDArray[np.bool_]:
@@ -280,8 +274,7 @@ def _same_scale(panels: Sequence[_Panel], shape: float | None = None) -> float:
 
 
 def _bar(ax: Axes, left: float, bottom: float, width: float, height: float) -> None:
-    power = 10.0 ** math.floor(math.log10(BAR * width))
-    length = next(step * power for step in (5.0, 2.0, 1.0) if step * power <= BAR * width)
+    length = bar_m(BAR * width)
     x, y = left + 0.03 * width, bottom + 0.035 * height
     ax.plot((x, x + length), (y, y), color=INK, linewidth=2.5, solid_capstyle="butt")
     behind = {"facecolor": str(UNKNOWN_SHADE), "edgecolor": "none", "pad": 1.0, "alpha": 0.75}
