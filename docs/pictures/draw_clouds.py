@@ -79,7 +79,7 @@ def main() -> None:
         panels[2].scatter(raised[:, 0], raised[:, 1], c=colour, s=0.4, alpha=0.5, linewidths=0)
     crop(panels[2], np.concatenate(walls))
     finish(panels[2], f"matched: {match.score:.0f} m² shared, {match.margin:.0f} above the next")
-    dense = grid.view(GridConversion().convert(own, grid)).dense()
+    dense = grid.view(GridConversion().convert(own, PointCloud(), grid)).dense()
     shades = np.full(dense.classes.shape, 0.8)
     shades[dense.classes == FREE], shades[dense.classes == OCCUPIED] = 1.0, 0.0
     panels[3].imshow(shades, cmap="gray", origin="lower", vmin=0.0, vmax=1.0)

@@ -17,6 +17,7 @@ from mapgraft.contracts import Comparison
 from mapgraft_floorplan.findings import findings_of
 from mapgraft_floorplan.grid_conversion import PlanToGrid
 from mapgraft_floorplan.layer import PlanLayer, Walls
+from mapgraft_floorplan.map_type import FloorPlanType
 from mapgraft_floorplan.matcher import PlanCorrelation
 from mapgraft_floorplan.plan import plan_of as as_plan
 from mapgraft_floorplan.standing import differences_of
@@ -40,7 +41,7 @@ def main(out: Path) -> None:
     turn = SCALE * np.array([[np.cos(TURN_RAD), -np.sin(TURN_RAD)], [np.sin(TURN_RAD), np.cos(TURN_RAD)]])
     drawn = (plan_of(house, 0).reshape(-1, 2) @ turn.T).reshape(-1, 4)
     plan = as_plan(drawn, None, "the plan")
-    source = PlanToGrid().convert(PlanLayer(Walls.of_metres(plan.segments_m), scale_known=False), grid)
+    source = PlanToGrid().convert(PlanLayer(Walls.of_metres(plan.segments_m), scale_known=False), FloorPlanType(), grid)
     robot = grid.view(layer)
     best = PlanCorrelation(scale="unknown").match(robot, grid.view(source))[0]
     placed = grid.view(grid.place(source, best.T_receiver_donor, best.scale))

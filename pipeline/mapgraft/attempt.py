@@ -178,7 +178,7 @@ class Attempts:
         placed = contribution.layer if meeting.map_type is self.own_type else _place(meeting, match)
         T = contribution.T_receiver_donor
         sight, subject = meeting.sight, self.reversal.subject
-        compared = Compared(meeting.map_type, subject, T, match, placed, sight, converted=sight.conversion is not None)
+        compared = Compared(meeting.map_type, subject, T, match, placed, sight, converted=sight.convert is not None)
         return Grafted(match, contribution, compared, meeting)
 
     def _meet(self, donation: Donation, via: str | None) -> Meeting:
@@ -186,18 +186,18 @@ class Attempts:
         name = via or own
         meeting_type = self.own_type if name == own else self.workshop.map_type(name)
         if name not in self.sights:
-            conversion = None if name == own else self.workshop.conversion(own, name)
-            self.sights[name] = Sight(self.reversal, meeting_type, conversion)
+            convert = None if name == own else self.workshop.converter(self.own_type, meeting_type)
+            self.sights[name] = Sight(self.reversal, meeting_type, convert)
         met = self._converted(donation.layer, meeting_type)
         donated = met if name == own else donation.layer
-        if name != own and self.workshop.plugins.converts(other, own):
+        if name != own and self.workshop.plugins.way(other, own) is not None:
             donated = self._converted(donation.layer, self.own_type)
         return Meeting(meeting_type, self.sights[name], met, Donation(donated, donation.provenance))
 
     def _converted(self, layer: Layer, target: MapType) -> Layer:
         if layer.map_type == target.name:
             return layer
-        return self.workshop.conversion(layer.map_type, target.name).convert(layer, target)
+        return self.workshop.converter(self.workshop.map_type(layer.map_type), target)(layer)
 
 
 def _place(meeting: Meeting, match: Match) -> Layer:

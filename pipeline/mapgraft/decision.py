@@ -381,9 +381,9 @@ def _record(rule: Rule, plugins: Plugins) -> Record:
             return lacking
         meeting = rule.via or own
         for source in (own, other):
-            if source != meeting and not plugins.converts(source, meeting):
+            if plugins.way(source, meeting) is None:
                 return f"there is no conversion from {source} to {meeting}"
-        donated = own if meeting == own or plugins.converts(other, own) else other
+        donated = own if meeting == own or plugins.way(other, own) is not None else other
         for kind, name in _named(rule):
             accepts = plugins.find(kind, name).descriptor.accepts
             pair = (own, donated) if kind == "fuser" else (meeting, meeting)

@@ -56,6 +56,13 @@ class Origin(NamedTuple):
     version: str
 
 
+class Hop(NamedTuple):
+    """One conversion on the way from one map type to another: its name, and the map type that it gives."""
+
+    conversion: str
+    target: str
+
+
 @dataclass(frozen=True, slots=True)
 class Offered:
     """One descriptor with its kind and where it came from."""
@@ -114,12 +121,29 @@ class Plugins:
             hint += f" ({len(self.broken)} plugin(s) could not be loaded: see 'mapgraft plugins list')"
         raise PluginError(f"there is no {kind} called {name!r}: {hint}")
 
-    def converts(self, source: str, target: str) -> str | None:
-        """The name of the conversion from one map type to another, or None."""
-        for offered in self.of_kind("conversion"):
-            if source in offered.descriptor.accepts and offered.descriptor.gives == target and not offered.missing:
-                return offered.descriptor.name
-        return None
+    def way(self, source: str, target: str) -> tuple[Hop, ...] | None:
+        """The fewest conversions that lead from one map type to another, none for the same; None where none lead there.
+
+        Of several ways of one length that whose conversions come first by name.
+        """
+        reached: dict[str, tuple[Hop, ...]] = {source: ()}
+        fresh = [source]
+        while fresh and target not in reached:
+            further = []
+            for name in fresh:
+                for hop in self._hops(name):
+                    if hop.target not in reached:
+                        reached[hop.target] = (*reached[name], hop)
+                        further.append(hop.target)
+            fresh = further
+        return reached.get(target)
+
+    def _hops(self, source: str) -> list[Hop]:
+        return [
+            Hop(offered.descriptor.name, offered.descriptor.gives)
+            for offered in self.of_kind("conversion")
+            if source in offered.descriptor.accepts and offered.descriptor.gives and not offered.missing
+        ]
 
     def function(self, kind: PluginKind, name: str) -> Callable[..., object]:
         """The factory behind a name, imported now; raises PluginError when it cannot be."""

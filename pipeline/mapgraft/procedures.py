@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from typing import cast
 
-from mapgraft.contracts import Acceptor, Conversion, Fuser, MapType, Matcher, Metric, Policy, Verifier
+from mapgraft.contracts import Acceptor, Conversion, Fuser, Layer, MapType, Matcher, Metric, Policy, Verifier
 from mapgraft.decision import DecisionTable, Procedure, Rule
 from mapgraft.errors import ConfigError, MapgraftError, PluginError
 from mapgraft.plugins import PluginKind, Plugins
@@ -35,7 +35,7 @@ METHODS: Mapping[PluginKind, tuple[str, ...]] = {
     "fuser": ("fuse",),
     "metric": ("track",),
     "verifier": ("verify",),
-    "conversion": ("convert", "region"),
+    "conversion": ("convert",),
     "policy": ("due",),
 }
 
@@ -58,6 +58,18 @@ class Tools:
     @property
     def rule(self) -> Rule:
         return self.procedure.rule
+
+
+@dataclass(frozen=True, slots=True)
+class Converter:
+    """Conversions one after the other, each with the types it leads from and to; without any a layer stays itself."""
+
+    hops: tuple[tuple[Conversion, MapType, MapType], ...]
+
+    def __call__(self, layer: Layer) -> Layer:
+        for conversion, source, target in self.hops:
+            layer = conversion.convert(layer, source, target)
+        return layer
 
 
 def blaming(tools: Tools) -> _Blaming:
@@ -171,12 +183,19 @@ class Workshop:
             self._map_types[name] = self.new_map_type(name, {})
         return self._map_types[name]
 
-    def conversion(self, source: str, target: str) -> Conversion:
-        """The conversion from one map type to another; raises PluginError when there is none."""
-        name = self.plugins.converts(source, target)
-        if name is None:
-            raise PluginError(f"there is no conversion from {source} to {target}: install a plugin that offers one")
-        return cast("Conversion", self._make("conversion", name, {}))
+    def converter(self, source: MapType, target: MapType) -> Converter:
+        """What turns layers of one type into layers of another, by as many conversions as it takes.
+
+        Raises PluginError when none lead there.
+        """
+        way = self.plugins.way(source.name, target.name)
+        if way is None:
+            raise PluginError(
+                f"there is no conversion from {source.name} to {target.name}: install a plugin that offers one"
+            )
+        types = [source, *(self.map_type(hop.target) for hop in way[:-1]), target]
+        made = [cast("Conversion", self._make("conversion", hop.conversion, {})) for hop in way]
+        return Converter(tuple(zip(made, types, types[1:], strict=False)))
 
     def policy(self, name: str, parameters: Mapping[str, object]) -> Policy:
         return cast("Policy", self._make("policy", name, parameters))

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft.contracts import ConfigError, EmptyMapError, Layer, MapError, MapType, Region, Transform
+from mapgraft.contracts import ConfigError, EmptyMapError, Layer, MapError, MapType, Transform
 from mapgraft_cloud.blocks import HITS, MISSES, SUM_X, BlockPool
 from mapgraft_cloud.cloud_map import GROUND_BITS
 from mapgraft_cloud.kernels import columns
@@ -17,13 +17,12 @@ from mapgraft_cloud.kernels.placing import STEPS
 from mapgraft_cloud.layer import FROM_CLOUDS, CloudLayer, as_layer
 from mapgraft_cloud.map_type import PointCloud
 from mapgraft_cloud.parameters import SensorModel
-from mapgraft_cloud.region import VoxelRegion, as_region, corners_of, find, keys_of, places_of, voxels_of
+from mapgraft_cloud.region import corners_of, find, keys_of, places_of
 from mapgraft_grid.kernels.tile_keys import KEY_BIAS, KEY_BITS, TILE
 from mapgraft_grid.layer import FROM_SCANS, GridLayer
 from mapgraft_grid.map_type import OccupancyGrid
 from mapgraft_grid.parameters import Lattice, TraceLimits
 from mapgraft_grid.parameters import SensorModel as GridModel
-from mapgraft_grid.region import GridRegion
 
 _FLOOR_SHARE: Final = 0.1  # of the columns with a hit: the lowest slab that has so many is the floor
 _SLAB_M: Final = 0.2
@@ -46,7 +45,7 @@ class GridConversion:
             raise ConfigError(f"a height band must go from a lower to a higher value, found {low_m} to {high_m} m")
         self._low_m, self._high_m = low_m, high_m
 
-    def convert(self, layer: Layer, target: MapType) -> GridLayer:
+    def convert(self, layer: Layer, source: MapType, target: MapType) -> GridLayer:
         """A grid layer with the target's resolution; raises MapError when the target is no occupancy grid."""
         own, grid = as_layer(layer), _grid(target)
         fine = GridLayer(
@@ -61,23 +60,6 @@ class GridConversion:
             empty = grid.new_layer()
             empty.observations, empty.sensors, empty.mapper = own.observations, own.sensors, FROM_SCANS
             return empty
-
-    def region(self, region: Region, target: MapType) -> GridRegion:
-        """The grid cells for which ``convert`` can use evidence in these voxels, whatever their height."""
-        voxels, lattice = as_region(region), Lattice(_grid(target).resolution_m)
-        blocks, places = np.nonzero(voxels.mask())
-        if not blocks.size:
-            return GridRegion.empty(lattice)
-        columns_ = np.unique(voxels_of(voxels.keys[blocks], places)[:, :2], axis=0)
-        ratio = voxels.voxel_m / lattice.resolution_m
-        first = np.floor(columns_ * ratio - 0.5).astype(np.int64)
-        steps = np.arange(math.ceil(ratio) + 2)
-        spread = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
-        cells = (first[:, None] + spread).reshape(-1, 2)
-        low = cells.min(axis=0)
-        mask = np.zeros((cells.max(axis=0) - low + 1)[::-1], np.bool_)
-        mask[cells[:, 1] - low[1], cells[:, 0] - low[0]] = True
-        return GridRegion.from_mask(lattice, (int(low[0]), int(low[1])), mask)
 
     def _columns(self, own: CloudLayer) -> tuple[Cells, NDArray[np.int64]]:
         """The columns with evidence in the band, and their hits and misses (n, 2)."""
@@ -130,7 +112,7 @@ class SliceConversion:
             raise ConfigError(f"the height of a slice must be finite, found {height_m}")
         self._height_m = height_m
 
-    def convert(self, layer: Layer, target: MapType) -> CloudLayer:
+    def convert(self, layer: Layer, source: MapType, target: MapType) -> CloudLayer:
         """A cloud layer with the target's voxels; raises MapError where one of the two is of another type."""
         if not isinstance(layer, GridLayer):
             raise MapError(f"an occupancy grid is converted here, found a layer of type {layer.map_type}")
@@ -147,24 +129,6 @@ class SliceConversion:
         z = np.full((len(cells), 1), math.floor(self._height_m / target.resolution_m), np.int64)
         out.pools = {model: _pool(np.hstack((cells, z)), counts)}
         return out
-
-    def region(self, region: Region, target: MapType) -> VoxelRegion:
-        """The voxels that evidence in these cells comes to."""
-        if not isinstance(region, GridRegion) or not isinstance(target, PointCloud):
-            raise MapError(f"cells of a grid become voxels of a point cloud, found {type(region).__name__}")
-        ratio = region.lattice.resolution_m / target.resolution_m
-        cells = np.array([cell for key, rows in zip(region.keys.tolist(), region.rows, strict=True)
-                          for cell in _cells_in(key, rows)], np.int64).reshape(-1, 2)  # fmt: skip
-        first = np.floor(cells * ratio - 0.5).astype(np.int64)
-        steps = np.arange(math.ceil(ratio) + 2)
-        spread = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
-        near = np.unique((first[:, None] + spread).reshape(-1, 2), axis=0)
-        z = np.full((len(near), 1), math.floor(self._height_m / target.resolution_m), np.int64)
-        voxels = np.hstack((near, z))
-        keys = np.unique(keys_of(voxels))
-        mask = np.zeros((keys.size, VOLUME), np.bool_)
-        mask[find(keys, keys_of(voxels)), places_of(voxels)] = True
-        return VoxelRegion.from_mask(target.resolution_m, keys, mask)
 
 
 def _grid(target: MapType) -> OccupancyGrid:

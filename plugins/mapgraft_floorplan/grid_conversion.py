@@ -8,15 +8,13 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft.contracts import Layer, MapError, MapType, Region
+from mapgraft.contracts import Layer, MapError, MapType
 from mapgraft_floorplan.layer import STEP_M, as_layer
 from mapgraft_floorplan.plan import Segments
-from mapgraft_floorplan.region import as_region
 from mapgraft_grid.kernels.tile_keys import TILE, tile_key
 from mapgraft_grid.layer import READY_MADE, GridLayer
 from mapgraft_grid.map_type import OccupancyGrid
 from mapgraft_grid.parameters import Lattice
-from mapgraft_grid.region import GridRegion
 
 MAPPER: Final = READY_MADE
 MOST_CELLS: Final = 60_000_000
@@ -57,7 +55,7 @@ class PlanToGrid:
     would be.
     """
 
-    def convert(self, layer: Layer, target: MapType) -> GridLayer:
+    def convert(self, layer: Layer, source: MapType, target: MapType) -> GridLayer:
         """Raises MapError when the target is no occupancy grid, or its cells are too fine for so large a plan."""
         plan, grid = as_layer(layer), _new_grid(target)
         segments = plan.told.segments_m
@@ -69,15 +67,6 @@ class PlanToGrid:
         _fill(grid, raster, hits, misses)
         grid.observations, grid.sensors, grid.mapper = plan.observations, plan.sensors, MAPPER
         return grid
-
-    def region(self, region: Region, target: MapType) -> GridRegion:
-        """The cells of the walls' rectangle: which of them are rooms depends on all walls together."""
-        lattice = _new_grid(target).lattice
-        rows = as_region(region).rows
-        if not len(rows):
-            return GridRegion.empty(lattice)
-        first, shape = _window(rows.astype(np.float64) * STEP_M, lattice)
-        return GridRegion.from_mask(lattice, first, np.ones(shape, np.bool_))
 
 
 def rasterise(segments_m: Segments, lattice: Lattice, scale_known: bool) -> Raster:

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft.contracts import EmptyMapError, Layer, MapError, MapType, Region
+from mapgraft.contracts import EmptyMapError, Layer, MapError, MapType
 from mapgraft_grid.grid_map import FREE, OCCUPIED, DenseGrid
 from mapgraft_grid.kernels.tile_keys import TILE, tile_x, tile_y
 from mapgraft_grid.layer import GridLayer
@@ -16,9 +16,8 @@ from mapgraft_grid.map_type import OccupancyGrid
 from mapgraft_grid.region import GridRegion
 from mapgraft_lines.kernels import tracing
 from mapgraft_lines.kernels.chopping import DIRECTION, HEAVIEST, UNIT, UNIT_M
-from mapgraft_lines.kernels.keys import LIMIT, SLOTS, STEPS_PER_M
+from mapgraft_lines.kernels.keys import LIMIT, STEPS_PER_M
 from mapgraft_lines.layer import CONVERTED, LOOKS, PIECE_COLUMNS, Evidence, LineLayer
-from mapgraft_lines.region import LineRegion
 from mapgraft_lines.segments import cell_keys, slots_of
 from mapgraft_lines.table import Table
 
@@ -41,7 +40,7 @@ class GridToLines:
     looked through as often as these have misses, on average. What is occupied and lies on no line is left out.
     """
 
-    def convert(self, layer: Layer, target: MapType) -> LineLayer:
+    def convert(self, layer: Layer, source: MapType, target: MapType) -> LineLayer:
         """A line layer with the target's cells; MapError when one of the two is of another type."""
         if not isinstance(layer, GridLayer):
             raise MapError(f"occupancy grids convert to line_segments, found a layer of {layer.map_type}")
@@ -55,15 +54,6 @@ class GridToLines:
         hits, misses = _counts(layer, seen)
         lines.own = Evidence(_pieces(seen, hits, lines.cell_m), _space(seen, misses, lines.cell_m))
         return lines
-
-    def region(self, region: Region, target: MapType) -> LineRegion:
-        """All slots of the line map's cells that these grid cells, or lines near them, can give evidence for."""
-        cell_m = _new_layer(target).cell_m
-        if not isinstance(region, GridRegion):
-            raise MapError(f"a region of an occupancy grid was expected, found a {type(region).__name__}")
-        index = _cells_near(region, cell_m)
-        keys = (cell_keys(index[:, 0], index[:, 1])[:, None] | np.arange(SLOTS)).ravel()
-        return LineRegion(cell_m, np.sort(keys))
 
 
 def _new_layer(target: MapType) -> LineLayer:

@@ -8,17 +8,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft.contracts import Layer, MapError, MapType, Region
+from mapgraft.contracts import Layer, MapError, MapType
 from mapgraft_grid.kernels.tile_keys import TILE, tile_key
 from mapgraft_grid.layer import FROM_SCANS, READY_MADE, GridLayer
 from mapgraft_grid.parameters import CELL_LIMIT, Lattice
-from mapgraft_grid.region import GridRegion
 from mapgraft_lines.kernels.growing import half_length
-from mapgraft_lines.kernels.keys import SLOT_BITS
 from mapgraft_lines.layer import FROM_SCANS as LINES_FROM_SCANS
 from mapgraft_lines.layer import LOOKS, Evidence, as_layer
 from mapgraft_lines.line_map import Reading
-from mapgraft_lines.region import as_region
 from mapgraft_lines.table import Keys, Table
 from mapgraft_lines.walls import cell_corners_m, piece_rows, standing
 
@@ -39,7 +36,7 @@ class LinesToGrid:
     segments) there are hits only. Rays and paths are not kept with lines, so the grid has none.
     """
 
-    def convert(self, layer: Layer, target: MapType) -> GridLayer:
+    def convert(self, layer: Layer, source: MapType, target: MapType) -> GridLayer:
         """A grid layer with the target's parameters; MapError when one of the two is of another type."""
         own, grid = as_layer(layer), _new_grid(target)
         evidence = own.own.plus(own.absorbed)
@@ -53,19 +50,6 @@ class LinesToGrid:
         grid.observations, grid.sensors = own.observations, own.sensors
         grid.mapper = FROM_SCANS if own.mapper in (LINES_FROM_SCANS, "") else READY_MADE
         return grid
-
-    def region(self, region: Region, target: MapType) -> GridRegion:
-        """The grid cells that ``convert`` can give counts for evidence in these slots."""
-        lines, lattice = as_region(region), _new_grid(target).lattice
-        if not len(lines):
-            return GridRegion.empty(lattice)
-        index, _ = _cells_inside(
-            np.unique(lines.keys >> SLOT_BITS << SLOT_BITS), lines.cell_m, lattice, (1.0 + BEFORE_WALLS)
-        )
-        low = index.min(axis=0)
-        mask = np.zeros((index.max(axis=0) - low + 1)[::-1], np.bool_)
-        mask[index[:, 1] - low[1], index[:, 0] - low[0]] = True
-        return GridRegion.from_mask(lattice, (int(low[0]), int(low[1])), mask)
 
 
 def _new_grid(target: MapType) -> GridLayer:

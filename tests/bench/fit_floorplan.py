@@ -20,6 +20,7 @@ from mapgraft.contracts import MapgraftError, Match, Transform
 from mapgraft_floorplan.evidence_table import agreement
 from mapgraft_floorplan.grid_conversion import PlanToGrid
 from mapgraft_floorplan.layer import PlanLayer, Walls
+from mapgraft_floorplan.map_type import FloorPlanType
 from mapgraft_floorplan.matcher import PlanCorrelation
 from mapgraft_floorplan.metrics import COEFFICIENTS, features
 from mapgraft_floorplan.plan import plan_of as as_plan
@@ -88,7 +89,9 @@ def case_of(seed: int, free: bool, rng: np.random.Generator) -> Case:
     factor = np.vdot(zb - zb.mean(), za - za.mean()) / np.vdot(zb - zb.mean(), zb - zb.mean())
     shift = za.mean() - factor * zb.mean()
     back = np.array([[factor.real, -factor.imag], [factor.imag, factor.real]])
-    as_grid = PlanToGrid().convert(PlanLayer(Walls.of_metres(plan.segments_m), scale_known=plan.scale_known), grid)
+    as_grid = PlanToGrid().convert(
+        PlanLayer(Walls.of_metres(plan.segments_m), scale_known=plan.scale_known), FloorPlanType(), grid
+    )
     return Case(
         seed,
         house.kind,

@@ -103,7 +103,7 @@ def through_grid(side: Side, number: int) -> Layer:
     layer = grids.new_layer()
     for observation in side.observations:
         grids.integrate(layer, observation)
-    return GridToLines().convert(layer, LineSegments())
+    return GridToLines().convert(layer, OccupancyGrid(), LineSegments())
 
 
 def fit(examples: Sequence[Example], names: Sequence[str]) -> tuple[NDArray[np.float64], float]:

@@ -16,6 +16,7 @@ from mapgraft.events import Event
 from mapgraft.outputs.findings import LatestFindings, finding_markers
 from mapgraft_floorplan.grid_conversion import PlanToGrid
 from mapgraft_floorplan.layer import PlanLayer, Walls
+from mapgraft_floorplan.map_type import FloorPlanType
 from mapgraft_floorplan.metrics import PlanAgreement, PlanDeviations, PlanPosterior
 from mapgraft_grid.map_type import OccupancyGrid
 
@@ -43,7 +44,7 @@ class Laid:
 
 
 def laid(grid: OccupancyGrid, own: Layer, plan: NDArray[np.float64], T: Transform = HERE) -> Laid:
-    return Laid(grid, own, grid.place(PlanToGrid().convert(PlanLayer(Walls.of_metres(plan)), grid), T))
+    return Laid(grid, own, grid.place(PlanToGrid().convert(PlanLayer(Walls.of_metres(plan)), FloorPlanType(), grid), T))
 
 
 def test_a_plan_that_is_as_built(robot: tuple[OccupancyGrid, Layer], walls: NDArray[np.float64]) -> None:

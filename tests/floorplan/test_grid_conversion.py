@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from mapgraft.contracts import MapError
 from mapgraft_floorplan.grid_conversion import ROOM, UNKNOWN, WALL, PlanToGrid, rasterise
 from mapgraft_floorplan.layer import PlanLayer, Walls
+from mapgraft_floorplan.map_type import FloorPlanType
 from mapgraft_grid.map_type import OccupancyGrid
 from mapgraft_grid.parameters import Lattice
 
@@ -45,7 +46,7 @@ def test_the_inside_of_a_thick_wall_is_no_room(walls: NDArray[np.float64]) -> No
 
 def test_classes_survive_the_target_s_sensor_model(walls: NDArray[np.float64]) -> None:
     grid = OccupancyGrid(l_hit=0.3, l_miss=-0.1, resolution_m=0.1)
-    seen = grid.view(PlanToGrid().convert(PlanLayer(Walls.of_metres(walls)), grid)).dense()
+    seen = grid.view(PlanToGrid().convert(PlanLayer(Walls.of_metres(walls)), FloorPlanType(), grid)).dense()
     found = rasterise(walls, Lattice(0.1), True).classes
     assert (seen.classes == 2).sum() == (found == WALL).sum()
     assert (seen.classes == 1).sum() == (found == ROOM).sum() > 1000
@@ -53,13 +54,16 @@ def test_classes_survive_the_target_s_sensor_model(walls: NDArray[np.float64]) -
 
 def test_a_plan_of_unknown_scale_gets_cells_of_its_own(walls: NDArray[np.float64]) -> None:
     grid = OccupancyGrid()
-    made = PlanToGrid().convert(PlanLayer(Walls.of_metres(walls * 100.0), scale_known=False), grid)
+    made = PlanToGrid().convert(PlanLayer(Walls.of_metres(walls * 100.0), scale_known=False), FloorPlanType(), grid)
     assert made.lattice.resolution_m == pytest.approx(1.2)
     with pytest.raises(MapError, match="too large for a grid"):
-        PlanToGrid().convert(PlanLayer(Walls.of_metres(walls * 1000.0)), grid)
+        PlanToGrid().convert(PlanLayer(Walls.of_metres(walls * 1000.0)), FloorPlanType(), grid)
 
 
 def test_the_same_plan_gives_the_same_bytes(walls: NDArray[np.float64]) -> None:
     grid = OccupancyGrid()
-    one, other = (PlanToGrid().convert(PlanLayer(Walls.of_metres(w)), grid) for w in (walls, walls[::-1, [2, 3, 0, 1]]))
+    one, other = (
+        PlanToGrid().convert(PlanLayer(Walls.of_metres(w)), FloorPlanType(), grid)
+        for w in (walls, walls[::-1, [2, 3, 0, 1]])
+    )
     assert grid.encode(one) == grid.encode(other)

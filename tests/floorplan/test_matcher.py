@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mapgraft.contracts import ConfigError, EmptyMapError, Prior, Transform
 from mapgraft_floorplan.grid_conversion import PlanToGrid
 from mapgraft_floorplan.layer import PlanLayer, Walls
+from mapgraft_floorplan.map_type import FloorPlanType
 from mapgraft_floorplan.matcher import PlanCorrelation
 from mapgraft_grid.grid_map import GridMap
 from mapgraft_grid.map_type import OccupancyGrid
@@ -22,7 +23,7 @@ def plan_map(walls: NDArray[np.float64], turn_deg: float, scale: float, known: b
     ends = T.inverse().apply(walls.reshape(-1, 2)) / scale
     layer = PlanLayer(Walls.of_metres(ends.reshape(-1, 4)), scale_known=known)
     grid = OccupancyGrid()
-    return grid.view(PlanToGrid().convert(layer, grid)), T
+    return grid.view(PlanToGrid().convert(layer, FloorPlanType(), grid)), T
 
 
 @pytest.mark.parametrize("turn_deg", [0.0, 137.0, -60.0])

@@ -21,6 +21,7 @@ from mapgraft.contracts import (
 from mapgraft.reversal import Ledger
 from mapgraft_floorplan.grid_conversion import PlanToGrid
 from mapgraft_floorplan.layer import PlanLayer, Walls
+from mapgraft_floorplan.map_type import FloorPlanType
 from mapgraft_floorplan.prior_fuser import PlanPrior
 from mapgraft_grid.map_type import OccupancyGrid
 
@@ -28,7 +29,7 @@ HERE = Transform.identity()
 
 
 def fused_plan(grid: OccupancyGrid, own: Layer, plan: PlanLayer, **given: float) -> Contribution:
-    donation = Donation(PlanToGrid().convert(plan, grid), Provenance("plan", 1, 1))
+    donation = Donation(PlanToGrid().convert(plan, FloorPlanType(), grid), Provenance("plan", 1, 1))
     return PlanPrior(**given).fuse(grid, grid.view(own), donation, Match(HERE, 1.0, 1.0))
 
 

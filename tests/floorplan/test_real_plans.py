@@ -15,6 +15,7 @@ from mapgraft.matching.pixels import frame_of, in_pixels, moved, planar
 from mapgraft_floorplan import raster_file
 from mapgraft_floorplan.grid_conversion import PlanToGrid
 from mapgraft_floorplan.layer import PlanLayer, Walls
+from mapgraft_floorplan.map_type import FloorPlanType
 from mapgraft_floorplan.matcher import PlanCorrelation
 from mapgraft_floorplan.plan import Plan
 from mapgraft_grid import image_map
@@ -34,7 +35,7 @@ def seen(message: GridMessage) -> tuple[OccupancyGrid, GridMap]:
 
 def on_grid(grid: OccupancyGrid, plan: Plan) -> GridMap:
     layer = PlanLayer(Walls.of_metres(plan.segments_m), scale_known=plan.scale_known)
-    return grid.view(PlanToGrid().convert(layer, grid))
+    return grid.view(PlanToGrid().convert(layer, FloorPlanType(), grid))
 
 
 @pytest.fixture(scope="module")

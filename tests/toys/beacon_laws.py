@@ -161,15 +161,12 @@ class Marks(beacons.Beacons):
 class ToMarks:
     """Beacons as marks."""
 
-    def convert(self, layer, target):
+    def convert(self, layer, source, target):
         if not isinstance(layer, beacons.Heard) or target.name != Marks.name:
             raise MapError(f"beacons become marks, asked was {layer.map_type} to {target.name}")
         made = target.new_layer()
         made.counts.update(layer.evidence())
         return made
-
-    def region(self, region, target):
-        return region
 
 
 class ToMarksLaws(OnALine, ConversionLaws):

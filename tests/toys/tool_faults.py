@@ -255,15 +255,15 @@ def converts(law, *along):
 
     def note(fault):
         class Faulty(laws.ToMarks):
-            def convert(self, layer, target):
-                return fault(layer, super().convert(layer, target))
+            def convert(self, layer, source, target):
+                return fault(layer, super().convert(layer, source, target))
 
         return breaks(laws.ToMarksLaws, law, *along)(Faulty)
 
     return note
 
 
-@converts("converting_is_pure", "converting_moves_along", "regions_are_converted")
+@converts("converting_is_pure", "converting_moves_along")
 def _converts_away(layer, made):
     layer.counts.clear()
     return made
@@ -275,31 +275,31 @@ def _gives_beacons(layer, made):
     return made
 
 
-@converts("what_stands_stays", "regions_are_converted")
+@converts("what_stands_stays")
 def _aside(layer, made):
     made.counts = Counter({at + 3: n for at, n in made.counts.items()})
     return made
 
 
-@converts("converting_moves_along", "what_stands_stays", "regions_are_converted")
+@converts("converting_moves_along", "what_stands_stays")
 def _mirrored(layer, made):
     made.counts = Counter({-at: n for at, n in made.counts.items()})
     return made
 
 
-@converts("counts_survive", "regions_are_converted")
+@converts("counts_survive")
 def _classes_only(layer, made):
     made.counts = Counter({at: 1 if n > 0 else -1 for at, n in made.counts.items() if n})
     return made
 
 
-@converts("nothing_converts_to_nothing", "regions_are_converted", "the_result_is_of_the_target")
+@converts("nothing_converts_to_nothing", "the_result_is_of_the_target")
 def _something_always(layer, made):
     made.counts[0] += 1 if not made.evidence() else 0
     return made
 
 
-@breaks(laws.ToMarksLaws, "regions_are_converted")
+@breaks(laws.ToMarksLaws)
 class NamesNothing(laws.ToMarks):
     def region(self, region, target):
         return Places(frozenset())
@@ -307,9 +307,9 @@ class NamesNothing(laws.ToMarks):
 
 @breaks(laws.ToMarksLaws, "foreign_types_are_refused", "nothing_converts_to_nothing")
 class TakesAnyLayer(laws.ToMarks):
-    def convert(self, layer, target):
+    def convert(self, layer, source, target):
         known = isinstance(layer, Heard) and target.name == "marks"
-        return super().convert(layer, target) if known else target.new_layer()
+        return super().convert(layer, source, target) if known else target.new_layer()
 
 
 @breaks(laws.RegularLaws, "meetings_fall_into_their_time")

@@ -260,10 +260,11 @@ class MapType(Protocol):
 class Conversion(Protocol):
     """Turns a layer of one type into a layer of another; counts survive, not only classes.
 
-    ``target`` is the type instance whose parameters (resolution, …) the result must have. A rule's ``via`` names the
-    type in which two maps are matched and measured; what the fuser then gets is the donor's layer in the receiver's
-    type where a conversion leads there, and as it was sent where none does.
+    ``source`` is the instance whose parameters (thresholds, …) say how the layer is read, ``target`` the one whose
+    parameters (resolution, …) the result must have; where the layer's scale is unknown, the result's resolution is in
+    the layer's own units. A rule's ``via`` names the type in which two maps are matched and measured; what the fuser
+    then gets is the donor's layer in the receiver's type where conversions lead there, and as it was sent where none
+    does.
     """
 
-    def convert(self, layer: Layer, target: MapType) -> Layer: ...
-    def region(self, region: Region, target: MapType) -> Region: ...
+    def convert(self, layer: Layer, source: MapType, target: MapType) -> Layer: ...

@@ -127,10 +127,8 @@ class Bench:
         """The donor's map type."""
         return self.settings.other_map_type or self.map_type
 
-    def _converted(self, layer: Layer, map_type: MapType) -> Layer:
-        if layer.map_type == map_type.name:
-            return layer
-        return self._workshop.conversion(layer.map_type, map_type.name).convert(layer, map_type)
+    def _converted(self, layer: Layer, source: MapType, target: MapType) -> Layer:
+        return layer if source.name == target.name else self._workshop.converter(source, target)(layer)
 
     def _require_type(self) -> None:
         """Raises UsageError when what was asked for is not installed, and what its parameters raise."""
@@ -138,7 +136,7 @@ class Bench:
         for asked in (self.settings.map_type, self.settings.other_map_type):
             if asked is not None and asked not in known:
                 raise UsageError(f"there is no map type {asked!r}: installed are {', '.join(known) or 'none'}")
-        if self.other_map_type != self.map_type and not self.plugins.converts(self.other_map_type, self.map_type):
+        if self.plugins.way(self.other_map_type, self.map_type) is None:
             raise UsageError(
                 f"a donor of type {self.other_map_type} cannot be judged for a receiver of type {self.map_type}: no "
                 "conversion leads there; choose two types between which one does"

@@ -39,7 +39,7 @@ class Pair:
         return 0.0 if self.truth is None else self.truth.overlap
 
 
-def as_it_is(layer: Layer, map_type: MapType) -> Layer:
+def as_it_is(layer: Layer, source: MapType, target: MapType) -> Layer:
     """The layer of a donor whose map is of the receiver's type."""
     return layer
 
@@ -48,7 +48,7 @@ def build(
     plan: PairPlan,
     receiver_type: MapType,
     donor_type: MapType,
-    convert: Callable[[Layer, MapType], Layer] = as_it_is,
+    convert: Callable[[Layer, MapType, MapType], Layer] = as_it_is,
 ) -> Pair:
     """Map both windows of a plan, each in the frame of its first scan, turned.
 
@@ -63,7 +63,7 @@ def build(
         T_world_receiver = plan.receiver.course.T_world_map @ T_receiver_map.inverse()
         T_world_donor = plan.donor.course.T_world_map @ T_donor_map.inverse()
         T_receiver_donor = T_world_receiver.inverse() @ T_world_donor
-        truth = Truth.of(receiver_type, receiver.map, convert(donor.layer, receiver_type), T_receiver_donor)
+        truth = Truth.of(receiver_type, receiver.map, convert(donor.layer, donor_type, receiver_type), T_receiver_donor)
     return Pair(plan, receiver, donor, rebased(plan.receiver.following, T_receiver_map, RECEIVER), truth)
 
 

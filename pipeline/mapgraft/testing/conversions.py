@@ -84,21 +84,6 @@ class ConversionLaws(Supply):
         drawing.reached()
         require_moved(T.apply(here), there, self._tolerance_m(kind, target), self.placed_share)
 
-    @law("region(…) holds every unit that convert can change for evidence in a region")
-    def test_regions_are_converted(self, drawing: Drawing) -> None:
-        kind, target, scene = self.make_map_type(), self.make_target(), scene_of(self, drawing)
-        conversion, layer = self.make_conversion(), kind.new_layer()
-        before = target.known_region(target.view(target.new_layer()))
-        for n, observation in enumerate(scene.own, start=1):
-            touched = conversion.region(kind.integrate(layer, observation), target)
-            try:
-                after = target.known_region(target.view(conversion.convert(layer, target)))
-            except EmptyMapError:
-                continue
-            untold = len(after.minus(before).minus(touched)) + len(before.minus(after).minus(touched))
-            require(not untold, f"{untold} unit(s) changed with observation {n} that region() does not name")
-            before = after
-
     @law(
         "counts survive, not only classes: evidence seen twice is not evidence seen once", vacuous="no evidence adds up"
     )
@@ -118,7 +103,7 @@ class ConversionLaws(Supply):
     def test_nothing_converts_to_nothing(self, drawing: Drawing) -> None:
         kind, target = self.make_map_type(), self.make_target()
         try:
-            made = self.make_conversion().convert(kind.new_layer(), target)
+            made = self.make_conversion().convert(kind.new_layer(), kind, target)
         except EmptyMapError:
             return
         known = target.view(made).known()
@@ -130,7 +115,7 @@ class ConversionLaws(Supply):
         layer, conversion = layer_of(kind, scene.own), self.make_conversion()
         for what, given, to in (("target", layer, kind), ("layer", _Foreign(), target)):
             try:
-                conversion.convert(given, to)
+                conversion.convert(given, kind, to)
             except MapgraftError as error:
                 require(isinstance(error, MapError), f"a foreign {what} raises {type(error).__name__}: {error}")
                 continue
@@ -138,7 +123,7 @@ class ConversionLaws(Supply):
 
     def _convert(self, layer: Layer, target: MapType, conversion: Conversion | None = None) -> Layer:
         try:
-            return (conversion or self.make_conversion()).convert(layer, target)
+            return (conversion or self.make_conversion()).convert(layer, self.make_map_type(), target)
         except EmptyMapError:
             assume(False)
             raise

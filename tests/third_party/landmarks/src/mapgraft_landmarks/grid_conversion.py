@@ -7,12 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft.contracts import Layer, MapError, MapType, Region
+from mapgraft.contracts import Layer, MapError, MapType
 from mapgraft_grid.kernels.tile_keys import TILE, tile_key
 from mapgraft_grid.layer import FROM_SCANS, GridLayer
 from mapgraft_grid.parameters import Lattice
-from mapgraft_grid.region import GridRegion
-from mapgraft_landmarks.cells import LOOKS, POSITION_STEP_M, SIGHTINGS, SUM_X, SUM_Y, Keys, as_region, unpack
+from mapgraft_landmarks.cells import LOOKS, POSITION_STEP_M, SIGHTINGS, SUM_X, SUM_Y, Keys, unpack
 from mapgraft_landmarks.layer import as_layer
 
 Index = NDArray[np.int64]  # (n, 2) ix, iy of grid cells
@@ -26,7 +25,7 @@ class GridConversion:
     looked there, these saw the landmark.
     """
 
-    def convert(self, layer: Layer, target: MapType) -> GridLayer:
+    def convert(self, layer: Layer, source: MapType, target: MapType) -> GridLayer:
         """A grid layer with the target's parameters; raises MapError when the target is no occupancy grid."""
         own, grid = as_layer(layer), _new_grid(target)
         index, row = _cells_inside(own.cells.keys, own.cell_m, grid.lattice)
@@ -42,17 +41,6 @@ class GridConversion:
         grid.pool.set_counts(keys, hits.astype(np.uint32), misses.astype(np.uint32))
         grid.observations, grid.sensors, grid.mapper = own.observations, own.sensors, FROM_SCANS
         return grid
-
-    def region(self, region: Region, target: MapType) -> GridRegion:
-        """The grid cells that ``convert`` can give counts for evidence in these cells."""
-        cells, lattice = as_region(region), _new_grid(target).lattice
-        index, _ = _cells_inside(cells.keys, cells.cell_m, lattice, reach=0.5)
-        if not len(index):
-            return GridRegion.empty(lattice)
-        low = index.min(axis=0)
-        mask = np.zeros((index.max(axis=0) - low + 1)[::-1], np.bool_)
-        mask[index[:, 1] - low[1], index[:, 0] - low[0]] = True
-        return GridRegion.from_mask(lattice, (int(low[0]), int(low[1])), mask)
 
 
 def _new_grid(target: MapType) -> GridLayer:
