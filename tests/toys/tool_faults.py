@@ -299,12 +299,6 @@ def _something_always(layer, made):
     return made
 
 
-@breaks(laws.ToMarksLaws)
-class NamesNothing(laws.ToMarks):
-    def region(self, region, target):
-        return Places(frozenset())
-
-
 @breaks(laws.ToMarksLaws, "foreign_types_are_refused", "nothing_converts_to_nothing")
 class TakesAnyLayer(laws.ToMarks):
     def convert(self, layer, source, target):
