@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.contracts import EmptyMapError, Points
+from mapgraft_floorplan.directions import SOFT_CELLS, Histogram, histogram
 from mapgraft_grid.grid_map import FREE, OCCUPIED, Classes, GridMap
 from mapgraft_grid.kernels.coarsen import coarsen
 from mapgraft_grid.prepared import RIM, Prepared, rows_and_columns
 
 _MARGIN_CELLS: Final = 40  # around the plan's field, so that what lies beside it knows how far it is
 _MOST_CELLS: Final = 1_000  # across the field
+_SOFT_ACROSS: Final = 400.0  # directions are those of a drawing seen with so many cells across, whatever its own are
 _SAME: Final = 1.01  # relative difference up to which cells are not made coarser
 
 
@@ -24,7 +26,7 @@ class PlanGrid:
     """A plan's grid in its own units: classes from ``origin`` (x, y) on, its walls (n, 2), their middle and reach.
 
     ``field`` are distances to walls in those units at the centres of cells of ``field_unit`` from ``corner``, which is
-    counted from the middle.
+    counted from the middle. ``directions`` tells along which directions the walls run.
     """
 
     classes: Classes
@@ -37,6 +39,7 @@ class PlanGrid:
     field: NDArray[np.float32]
     field_unit: float
     corner: NDArray[np.float64]
+    directions: Histogram
 
     @classmethod
     def of(cls, map_: GridMap) -> PlanGrid:
@@ -50,7 +53,10 @@ class PlanGrid:
         radius = math.sqrt(float(((walls - centre) ** 2).sum(axis=1).max()))
         field, field_unit, corner = _field(dense.classes, unit, origin)
         rooms = _centres(dense.classes == FREE, unit, origin)
-        return cls(dense.classes, unit, origin, walls, rooms, centre, radius, field, field_unit, corner - centre)
+        directions = histogram(dense.classes, max(SOFT_CELLS, max(dense.classes.shape) / _SOFT_ACROSS))
+        return cls(
+            dense.classes, unit, origin, walls, rooms, centre, radius, field, field_unit, corner - centre, directions
+        )
 
     def at(self, scale: float, unit_m: float) -> Prepared:
         """The plan stretched by ``scale``, on cells of ``unit_m`` or, where its own are then larger, on those."""

@@ -73,7 +73,7 @@ def search(robot: Prepared, field: Field, plan: PlanGrid, scales: Range, gate: G
     across = max(robot.classes.shape) * robot.unit_m
     factor = max(FINE, round(max(COARSE_M, across / MOST_ACROSS) / robot.unit_m))
     coarse, fine = _level(robot, factor), _level(robot, FINE)
-    sample, yaws = _sampled(plan), _yaws(robot, plan)
+    sample, yaws = _sampled(plan), rotations(robot, plan)
     steps, free = scales.steps(), scales.most > scales.least
     each = PER_SCALE if free else KEPT
     found = []
@@ -99,17 +99,13 @@ def fitted(field: Field, plan: PlanGrid, poses: Poses, effort: Effort, free: boo
     return np.column_stack((made, poses[:, 4]))
 
 
-def _yaws(robot: Prepared, plan: PlanGrid) -> list[float]:
-    kept = robot.kept.get(("turns", id(plan)))
-    if kept is None:
-        ours = histogram(robot.classes, 1.2)
-        theirs = histogram(plan.classes, max(1.2, max(plan.classes.shape) / 400.0))
-        kept = turns(ours, theirs)
-        if kept is None:
-            kept = (np.arange(ALL_TURNS) * (math.pi / ALL_TURNS)).tolist()
-        robot.kept["turns", id(plan)] = kept
-    assert isinstance(kept, list)
-    return kept
+def rotations(robot: Prepared, plan: PlanGrid) -> list[float]:
+    """Rotations that lay the plan's walls along the robot's, half a turn left open."""
+    ours = robot.kept.get("directions")
+    if ours is None:
+        ours = robot.kept["directions"] = histogram(robot.classes)
+    found = turns(np.asarray(ours), plan.directions)
+    return (np.arange(ALL_TURNS) * (math.pi / ALL_TURNS)).tolist() if found is None else found
 
 
 def _level(robot: Prepared, factor: int) -> Level:

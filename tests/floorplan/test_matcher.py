@@ -13,8 +13,11 @@ from mapgraft_floorplan.grid_conversion import PlanToGrid
 from mapgraft_floorplan.layer import PlanLayer, Walls
 from mapgraft_floorplan.map_type import FloorPlanType
 from mapgraft_floorplan.matcher import PlanCorrelation
+from mapgraft_floorplan.scaled import PlanGrid
+from mapgraft_floorplan.search import rotations
 from mapgraft_grid.grid_map import GridMap
 from mapgraft_grid.map_type import OccupancyGrid
+from mapgraft_grid.prepared import prepare
 
 
 def plan_map(walls: NDArray[np.float64], turn_deg: float, scale: float, known: bool) -> tuple[GridMap, Transform]:
@@ -50,6 +53,18 @@ def test_a_plan_of_unknown_scale(walls: NDArray[np.float64], robot_map: GridMap,
     assert 0.0 < best.evidence["sigma_scale"] < 0.05
     assert best.covariance is not None
     assert np.linalg.eigvalsh(best.covariance[np.ix_([0, 1, 5], [0, 1, 5])]).min() > 0.0
+
+
+def test_each_of_many_plans_is_turned_by_its_own_walls(walls: NDArray[np.float64], robot_map: GridMap) -> None:
+    """What is kept of one plan never serves another that came to lie in its memory."""
+    robot = prepare(robot_map, 0.1)
+    sources = [plan_map(walls, turn_deg, 1.0, True)[0] for turn_deg in (5.0, 30.0, 52.0)]
+    for _ in range(5):
+        for turn_deg, source in zip((5.0, 30.0, 52.0), sources, strict=True):
+            plan = PlanGrid.of(source)
+            found = rotations(robot, plan)
+            del plan
+            assert any(abs(math.degrees(yaw) - turn_deg) < 2.0 for yaw in found)
 
 
 def test_furniture_and_missing_walls_change_nothing(walls: NDArray[np.float64], robot_map: GridMap) -> None:
