@@ -9,6 +9,7 @@ from pathlib import Path
 
 from mapgraft.contracts import SCAN, Descriptor, Register, RegisterRules, hookimpl
 
+MAPGRAFT_CONTRACT = (1, 0)
 LINES, GRID = "line_segments", "occupancy_grid"
 _METRICS = {
     "line_explained": ("walls:Explained", "share of the jointly known walls that both maps have"),
@@ -59,7 +60,8 @@ def register_fusers(register: Register) -> None:
 @hookimpl
 def register_metrics(register: Register) -> None:
     for name, (where, what) in _METRICS.items():
-        register(Descriptor(name, f"mapgraft_lines.evidence.{where}", what, accepts=(LINES,)))
+        factory, stream = f"mapgraft_lines.evidence.{where}", name == "line_news"
+        register(Descriptor(name, factory, what, accepts=(LINES,), stream=stream))
 
 
 @hookimpl

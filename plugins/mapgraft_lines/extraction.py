@@ -87,7 +87,7 @@ def evidence_of(observation: Observation, scan: Scan, model: SensorModel, cell_m
         return Evidence()
     found = segments_in(rays, model)
     once = np.ones(len(found.ends), np.int64)
-    pieces = pieces_of(found.ends, np.ones(len(found.ends), np.bool_), found.variance, once, cell_m, at_once=True)
+    pieces = pieces_of(found.ends, np.ones(len(found.ends), np.bool_), found.variance, once, cell_m)
     # a beam tells of whole cells: up to a cell before its end, so that no cell with the wall in it seems free
     keys = casting.cast(
         np.ascontiguousarray(rays.origins_m),

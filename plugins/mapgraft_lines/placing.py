@@ -1,4 +1,4 @@
-"""Placing evidence in another frame: additions and products of floats in one order, rounded, the same everywhere."""
+"""Placing evidence in another frame: floats, rounded; on one machine the same layer gives the same bytes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mapgraft.contracts import MapError, Transform
 from mapgraft_lines.kernels.keys import BARE, LIMIT, STEPS_PER_M
 from mapgraft_lines.layer import DX, DY, LOOKS, PIECE_COLUMNS, SPACE_COLUMNS, WX, WXX, WXY, WY, WYY, Evidence, W
 from mapgraft_lines.segments import cell_keys, slots_of
-from mapgraft_lines.table import Table
+from mapgraft_lines.table import Counts, Table
 from mapgraft_lines.walls import SLOT_MASK, cell_corners_m
 
 RESAMPLER: Final = "pieces_at_their_middle/1"
@@ -24,9 +24,11 @@ def place_evidence(
 ) -> Evidence:
     """The evidence in the receiver's frame and cells; ``T_receiver_donor`` in fixed point (``Transform.snapped``).
 
-    Every piece goes, turned and as it is, to the receiver's cell in which its middle comes to lie. Each of the
-    receiver's cells is as free as the donor's cell at its own centre, so that turning leaves no holes. Raises MapError
-    when the transform tilts the plane, the scale is no positive number, or something comes to lie out of reach.
+    Every piece goes, turned and as it is, to the receiver's cell in which its middle comes to lie. Pieces that come to
+    lie in one slot tell of one place: their information adds up, but it was looked at as often as the one of them that
+    was seen most, however many of the donor's cells lie in one of the receiver's. Each of the receiver's cells is as
+    free as the donor's cell at its own centre, so that turning leaves no holes. Raises MapError when the transform
+    tilts the plane, the scale is no positive number, or something comes to lie out of reach.
     """
     if not (math.isfinite(scale) and scale > 0):
         raise MapError(f"the scale of a map of line segments must be positive, found {scale}")
@@ -70,7 +72,26 @@ def _placed_pieces(table: Table, cell_m: float, matrix: NDArray[np.float64], sca
     new[:, DY] = np.rint(turn_s * old[:, DX] + turn_c * old[:, DY])
     angle = np.arctan2(new[:, DY].astype(np.float64), new[:, DX].astype(np.float64))
     slots = slots_of(np.where(faced, angle, 0.5 * angle), faced)
-    return Table.summed(cell_keys(ix, iy) | slots, new)
+    placed = Table.summed(cell_keys(ix, iy) | slots, new, most=LOOKS)
+    share = cell_m / (to_m * scale)  # information is told for a piece as long as a cell; what is stretched is less sure
+    return placed if share == 1.0 else Table(placed.keys, _reweighed(placed.counts, share))
+
+
+def _reweighed(counts: Counts, share: float) -> Counts:
+    """Pieces with ``share`` of their information; at least 1, and where and how long they are as before."""
+    w = counts[:, W].astype(np.float64)
+    new = np.clip(np.rint(w * share), 1.0, None)
+    x, y = counts[:, WX] / w, counts[:, WY] / w
+    out = counts.copy()
+    out[:, W] = new
+    out[:, WX], out[:, WY] = np.rint(new * x), np.rint(new * y)
+    near_x, near_y = out[:, WX] / new, out[:, WY] / new
+    out[:, WXX] = np.rint(new * (counts[:, WXX] / w - x * x + near_x * near_x))
+    out[:, WXY] = np.rint(new * (counts[:, WXY] / w - x * y + near_x * near_y))
+    out[:, WYY] = np.rint(new * (counts[:, WYY] / w - y * y + near_y * near_y))
+    for column in (DX, DY):
+        out[:, column] = np.rint(new * (counts[:, column] / w))
+    return out
 
 
 def _placed_space(table: Table, cell_m: float, matrix: NDArray[np.float64], scale: float, to_m: float) -> Table:

@@ -42,7 +42,8 @@ def from_segments(
 
     ``points_m`` (n, 2, 2) are the ends of n segments in metres; ``sigma_m`` the standard deviation across the wall,
     one or (n,); ``faced`` tells of which segments only the side on the **left**, going from the first end to the
-    second, is open space (one or (n,)); False where nobody knows. ``looks`` is how many observations each stands for.
+    second, is open space (one or (n,)); False where nobody knows. ``looks`` is how many observations each stands for;
+    of several in one place, those of the most seen count.
     ``free_m`` (k, 2) are places that are known to be free, each telling of the whole cell it lies in, ``free_looks``
     times. Segments without length are left out. Raises MapError when the type is another one, a number is not finite,
     a segment lies out of reach, or there would be more than 6 million pieces.
@@ -70,13 +71,12 @@ def pieces_of(
     variance: NDArray[np.float64],
     looks: NDArray[np.int64],
     cell_m: float,
-    *,
-    at_once: bool = False,
 ) -> Table:
     """The pieces of segments (n, 4); see ``kernels.chopping.chop`` for the arrays.
 
-    With ``at_once`` all of them are of one observation: a slot of a cell is then looked at once however many pieces
-    lie in it. Raises MapError when a segment is not finite, out of reach, or there are too many pieces.
+    However many pieces lie in one slot of a cell, it was looked at as often as the one of them that was seen most: a
+    wall in many short segments, or drawn twice, was not seen more often than one in a single segment. Raises MapError
+    when a segment is not finite, out of reach, or there are too many pieces.
     """
     if ends.size and not np.abs(ends).max() < (LIMIT - 1) * cell_m:
         raise MapError(
@@ -91,12 +91,7 @@ def pieces_of(
         )
     keys, counts = np.empty(most, np.int64), np.zeros((most, PIECE_COLUMNS), np.int64)
     made = chopping.chop(ends, faced, variance, looks, cell_m, keys, counts)
-    table = Table.summed(keys[:made], counts[:made])
-    if not at_once:
-        return table
-    summed = table.counts.copy()
-    summed[:, LOOKS] = 1
-    return Table(table.keys, summed)
+    return Table.summed(keys[:made], counts[:made], most=LOOKS)
 
 
 def free_cells(points_m: Points | None, looks: int, cell_m: float) -> Table:

@@ -27,11 +27,14 @@ class Table:
         return cls(np.empty(0, np.int64), np.empty((0, columns), np.int64))
 
     @classmethod
-    def summed(cls, keys: NDArray[np.int64], counts: Counts) -> Table:
-        """Rows in any order, those of one key added up."""
+    def summed(cls, keys: NDArray[np.int64], counts: Counts, most: int | None = None) -> Table:
+        """Rows in any order, those of one key added up; of the column ``most`` the largest."""
         unique, inverse = np.unique(keys, return_inverse=True)
         total = np.zeros((len(unique), counts.shape[1]), np.int64)
         np.add.at(total, inverse, counts)
+        if most is not None:
+            total[:, most] = 0
+            np.maximum.at(total[:, most], inverse, counts[:, most])
         return cls(unique, total)
 
     def __len__(self) -> int:
