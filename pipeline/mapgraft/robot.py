@@ -290,8 +290,8 @@ class Robot:
 
     def _fused_changed(self) -> None:
         """Something came in or went out: where metrics see the merged map, what they know of it no longer holds."""
-        self.attempts.changed()
         if self.reversal.subject == "merged":
+            self.attempts.changed()
             for merge in self.merges.values():
                 merge.target_changed()
 
