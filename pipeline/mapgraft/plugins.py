@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 import pluggy
 
 from mapgraft import hooks
-from mapgraft.contracts.plugin import CONTRACT, DECLARED_IN, PROJECT, Descriptor, require_contract
+from mapgraft.contracts.plugin import CONTRACT, DECLARED_IN, PROJECT, UNDECLARED, Descriptor, require_contract
 from mapgraft.errors import ConfigError, PluginError
 
 GROUP = OWN = "mapgraft"
@@ -224,7 +224,7 @@ def _reason(error: Exception) -> str:
 
 def load_plugin(plugins: Plugins, module: object, origin: Origin) -> None:
     """Add everything that one module registers; raises PluginError, and adds nothing, when something is wrong."""
-    require_contract(origin.plugin, getattr(module, DECLARED_IN, CONTRACT))
+    require_contract(origin.plugin, getattr(module, DECLARED_IN, UNDECLARED))
     manager = pluggy.PluginManager(PROJECT)
     manager.add_hookspecs(hooks)
     offered: dict[tuple[PluginKind, str], Offered] = {}

@@ -7,6 +7,7 @@ from typing import Final
 
 from mapgraft.contracts import CLOUD, CLOUD_MAP, Descriptor, Register, RegisterRules, hookimpl
 
+MAPGRAFT_CONTRACT = (1, 0)
 _CLOUD: Final = ("point_cloud",)
 
 
@@ -77,6 +78,7 @@ def register_matchers(register: Register) -> None:
             "small_gicp around a prior",
             accepts=_CLOUD,
             uses_prior=True,
+            needs_prior=True,
             requires=("small_gicp",),
             extra="cloud",
             laws=("mapgraft_cloud.conformance:GicpLaws",),

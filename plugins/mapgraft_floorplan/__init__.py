@@ -7,6 +7,7 @@ from typing import Final
 
 from mapgraft.contracts import GRID_MESSAGE, Descriptor, Register, RegisterRules, hookimpl
 
+MAPGRAFT_CONTRACT = (1, 0)
 PLAN, GRID, LINES = "floor_plan", "occupancy_grid", "line_segments"
 _EXTRA: Final = "floorplan"
 _METRICS: Final = {

@@ -7,6 +7,7 @@ from typing import Final
 
 from mapgraft.contracts import GRID_MESSAGE, SCAN, Descriptor, Register, RegisterRules, hookimpl
 
+MAPGRAFT_CONTRACT = (1, 0)
 _GRID = ("occupancy_grid",)
 _EVIDENCE: Final = {
     "bayes_factor": ("bayes_factor:BayesFactor", "log Bayes factor: do both maps see the same, or what is unrelated?"),
@@ -90,7 +91,16 @@ def register_metrics(register: Register) -> None:
 
     for name, what in _EVIDENCE.items():
         module, about = what
-        register(Descriptor(name, f"mapgraft_grid.evidence.{module}", about, accepts=_GRID, laws=_LAWS.get(name, ())))
+        register(
+            Descriptor(
+                name,
+                f"mapgraft_grid.evidence.{module}",
+                about,
+                accepts=_GRID,
+                stream=name == "news",
+                laws=_LAWS.get(name, ()),
+            )
+        )
 
 
 @hookimpl

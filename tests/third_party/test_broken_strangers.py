@@ -172,7 +172,7 @@ def test_a_plugin_for_another_contract_is_told_in_one_sentence(lay_out: Place, m
     assert reasons.keys() == strangers.keys() - {"fits"}
     assert reasons["older"] == f"older was written for contract 0.7, this mapgraft has {here}: update the plugin"
     assert reasons["newer"] == f"newer was written for contract 1.999, this mapgraft has {here}: update mapgraft"
-    assert reasons["nonsense"].endswith("as MAPGRAFT_CONTRACT = (1, 1), found '1.0'")
+    assert reasons["nonsense"].endswith("as MAPGRAFT_CONTRACT = (1, 0), found '1.0'")
     assert "'SomethingOfLater'" in reasons["renamed"]
     assert reasons["renamed"].endswith(f"it was written for another contract than {here}: update one of the two")
     assert "fits" in {offered["name"] for offered in said["offered"]}

@@ -19,6 +19,8 @@ NAME = "echo_cells"
 METRIC = """
 from mapgraft.contracts import Descriptor, Measurement, hookimpl
 
+MAPGRAFT_CONTRACT = (1, 0)
+
 class Gain:
     def track(self, comparison):
         return Tracker(comparison)
@@ -35,7 +37,7 @@ class Tracker:
 
 @hookimpl
 def register_metrics(register):
-    register(Descriptor("{name}", "{name}:Gain", "a gain"))
+    register(Descriptor("{name}", "{name}:Gain", "a gain"{more}))
 """
 UNDRIVEN = """
 from mapgraft.contracts import Descriptor, hookimpl
@@ -128,22 +130,34 @@ def test_a_bad_name_is_one_sentence(name: str, sentence: str, mapgraft: Run, tmp
 
 
 def test_a_broken_law_is_told_with_its_counterexample(lay_out: Place, mapgraft: Run) -> None:
-    text = METRIC.format(kept="self.kept or ", name="stale_gain")
+    text = METRIC.format(kept="self.kept or ", name="stale_gain", more="")
     done = mapgraft(["plugins", "check", "stale_gain", "--examples", "3"], [lay_out("stale_gain", text)])
     assert done.returncode == 1, done.stderr
     assert "broken           an updated tracker equals a fresh measurement" in done.stdout
     assert re.search(r"an_updated_tracker_equals_a_fresh_one: after \d observation\(s\) it measures", done.stdout)
     assert "[scene a room of" in done.stdout
     assert "kept             a measurement is what it says" in done.stdout
-    assert done.stdout.splitlines()[-1] == "8 kept, 2 broken, 1 not tried"  # nor does it see a changed donor
+    assert done.stdout.splitlines()[-1] == "9 kept, 2 broken, 1 not tried"  # nor does it see a changed donor
+
+
+def test_only_who_says_so_counts_what_observations_say(lay_out: Place, mapgraft: Run) -> None:
+    """Whoever measures once and returns that for ever passes for nothing."""
+    text = METRIC.format(kept="self.kept or ", name="deaf_gain", more=", stream=True")
+    text = text.replace("self.kept = None", "self.kept = None\n        self.update(None)")
+    done = mapgraft(["plugins", "check", "deaf_gain", "--examples", "3", "--json"], [lay_out("deaf_gain", text)])
+    said = {row["law"]: (row["status"], row["why"]) for row in json.loads(done.stdout)["outcomes"]}
+    untold = ("not tried", "in none of the scenes an observation made any difference to what it measures")
+    assert said["an_updated_tracker_equals_a_fresh_one"] == untold
+    status, why = said["a_changed_donor_is_measured"]
+    assert status == "broken" and "registered anew it measures" in why
 
 
 def test_a_good_metric_passes(lay_out: Place, mapgraft: Run) -> None:
-    folder = lay_out("good_gain", METRIC.format(kept="", name="good_gain"))
+    folder = lay_out("good_gain", METRIC.format(kept="", name="good_gain", more=""))
     done = mapgraft(["plugins", "check", "good_gain", "--examples", "2", "--json"], [folder])
     assert done.returncode == 0, done.stdout
     said = json.loads(done.stdout)
-    assert said["counts"] == {"kept": 10, "broken": 0, "kept unexpectedly": 0, "expected failure": 0, "not tried": 1}
+    assert said["counts"] == {"kept": 11, "broken": 0, "kept unexpectedly": 0, "expected failure": 0, "not tried": 1}
     (untried,) = [row for row in said["outcomes"] if row["status"] == "not tried"]
     assert untried["law"] == "concerns_are_honest" and untried["why"] == "its trackers are not local"
 

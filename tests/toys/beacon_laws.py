@@ -6,6 +6,7 @@ import dataclasses
 from typing import ClassVar
 
 import beacons
+import echoes
 from hypothesis import strategies as st
 
 from mapgraft.contracts import (
@@ -119,6 +120,16 @@ class DisagreementLaws(OnALine, MetricLaws):
         return beacons.Disagreement()
 
 
+class EchoesLaws(OnALine, MetricLaws):
+    """The metric that counts what observations say."""
+
+    metric_name = "echoes"
+    stream = True
+
+    def make_metric(self) -> Metric:
+        return echoes.Echoes()
+
+
 class FirstOneLaws(AcceptorLaws):
     """The acceptor."""
 
@@ -201,6 +212,7 @@ ALL = (
     SlideNearLaws,
     SumLaws,
     DisagreementLaws,
+    EchoesLaws,
     FirstOneLaws,
     AtMostLaws,
     ToMarksLaws,

@@ -39,6 +39,7 @@ from mapgraft.contracts import (
     hookimpl,
 )
 
+MAPGRAFT_CONTRACT = (1, 0)
 BEACONS = "beacons"
 
 
@@ -325,6 +326,7 @@ def register_fusers(register):
 @hookimpl
 def register_metrics(register):
     register(Descriptor("disagreement", "beacons:Disagreement", "what only one has heard", accepts=("beacons",)))
+    register(Descriptor("echoes", "echoes:Echoes", "heard where the donor is deaf", accepts=("beacons",), stream=True))
 
 
 @hookimpl

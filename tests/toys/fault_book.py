@@ -12,6 +12,7 @@ MAKERS = {
     laws.SlideNearLaws: "make_matcher",
     laws.SumLaws: "make_fuser",
     laws.DisagreementLaws: "make_metric",
+    laws.EchoesLaws: "make_metric",
     laws.FirstOneLaws: "make_acceptor",
     laws.AtMostLaws: "make_verifier",
     laws.ToMarksLaws: "make_conversion",

@@ -9,10 +9,11 @@ from dataclasses import dataclass, field
 
 import beacon_laws as laws
 import beacons
+import echoes
 from beacons import Chart, Disagreement, Heard, Places, Sum
 from fault_book import breaks
 
-from mapgraft.contracts import Decision, Measurement, Verdict
+from mapgraft.contracts import Decision, Measurement, Step, Verdict
 
 
 @breaks(laws.SlideLaws, "matching_is_deterministic", "the_best_comes_first")
@@ -195,6 +196,34 @@ breaks(laws.DisagreementLaws, "an_updated_tracker_equals_a_fresh_one")(measures(
 breaks(laws.DisagreementLaws, "a_changed_donor_is_measured")(measures(_deaf))
 breaks(laws.DisagreementLaws, "concerns_are_honest")(measures(lambda tracker, step, m: m, Places(frozenset())))
 breaks(laws.DisagreementLaws, "nothing_in_common_can_be_measured")(measures(_fails_apart))
+
+
+class _HearsTheLatest(echoes.EchoTracker):
+    def update(self, step):
+        return super().update(Step(step.touched, step.observations[-1:], step.donor_changed))
+
+
+class _KeepsTheFirstDonor(echoes.EchoTracker):
+    def __init__(self, comparison):
+        super().__init__(comparison)
+        self.first = super().known()
+
+    def known(self):
+        return self.first
+
+
+def hears(tracker):
+    """The stream metric with other trackers."""
+
+    class Faulty(echoes.Echoes):
+        def track(self, comparison):
+            return tracker(comparison)
+
+    return Faulty
+
+
+breaks(laws.EchoesLaws, "an_updated_tracker_equals_a_fresh_one")(hears(_HearsTheLatest))
+breaks(laws.EchoesLaws, "a_changed_donor_is_measured")(hears(_KeepsTheFirstDonor))
 
 
 @breaks(laws.FirstOneLaws, "nothing_is_unmatched", "decisions_are_well_formed")

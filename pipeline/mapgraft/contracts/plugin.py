@@ -4,6 +4,8 @@ A plugin is a module with ``@hookimpl`` functions and one entry point in the gro
 
     from mapgraft.contracts import Descriptor, hookimpl
 
+    MAPGRAFT_CONTRACT = (1, 0)
+
     @hookimpl
     def register_metrics(register):
         register(Descriptor("overlap", "my_package.overlap:Overlap", "shared area over the smaller area",
@@ -26,11 +28,13 @@ import pluggy
 from mapgraft.errors import PluginError
 
 PROJECT = "mapgraft"
-CONTRACT: Final = (1, 1)
+CONTRACT: Final = (1, 0)
 """The version of everything in ``mapgraft.contracts``. The first number changes when a plugin written for it could
 break, the second one when something comes in addition."""
 DECLARED_IN: Final = "MAPGRAFT_CONTRACT"
-"""Where a plugin's module says which version it was written for: ``MAPGRAFT_CONTRACT = (1, 1)``."""
+"""Where a plugin's module says which version it was written for: ``MAPGRAFT_CONTRACT = (1, 0)``."""
+UNDECLARED: Final = (1, 0)
+"""What a plugin was written for that does not say it: the first version there was, whatever is installed today."""
 
 hookspec = pluggy.HookspecMarker(PROJECT)
 hookimpl = pluggy.HookimplMarker(PROJECT)
@@ -54,9 +58,10 @@ class Descriptor:
     matchers      ``accepts``: the map type of both maps, or (target type, source type); ``uses_prior``: a prior
                   narrows the search to where it says, and of two hypotheses for the same two maps the better one has
                   the higher score, whatever the prior. Only such a matcher refines merges that stand, and only if it
-                  tells ``prior_score``
+                  tells ``prior_score``. ``needs_prior``: without a prior it has nothing to say
     fusers        ``accepts`` as for matchers
-    metrics       ``accepts``: the map type of both maps
+    metrics       ``accepts``: the map type of both maps; ``stream``: it counts what the observations since the
+                  registration say, and so equals a replay of these, not a fresh look at the two maps
     conversions   ``accepts``: the type converted from, ``gives``: the type converted to
     decoders      ``accepts``: message types (``sensor_msgs/msg/PointCloud2``), ``gives``: the payload kind;
                   the factory is a function ``decode(message) -> payload``
@@ -67,7 +72,8 @@ class Descriptor:
     ``requires`` names modules that must be importable and ``extra`` the extra that installs them; where one is missing
     the descriptor is listed with what to install. ``laws`` names classes (``"module:Class"``) that inherit from
     ``mapgraft.testing`` and say how to try the thing's laws, for ``mapgraft plugins check``. ``api`` is the version of
-    this contract it was written for, where the module does not say so for all (``MAPGRAFT_CONTRACT``).
+    this contract it was written for, where that is not what the module says for all (``MAPGRAFT_CONTRACT``); a plugin
+    that says nothing was written for the first one.
     """
 
     name: str
@@ -77,10 +83,12 @@ class Descriptor:
     gives: str = ""
     observes: Mapping[str, int] = field(default_factory=dict)
     uses_prior: bool = False
+    needs_prior: bool = False
+    stream: bool = False
     requires: tuple[str, ...] = ()
     extra: str = ""
     laws: tuple[str, ...] = ()
-    api: tuple[int, int] = CONTRACT
+    api: tuple[int, int] = UNDECLARED
 
     def __post_init__(self) -> None:
         if not self.name or not self.name.replace("_", "").replace(".", "").replace("-", "").isalnum():

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from typing import ClassVar, Final
 
+from mapgraft.contracts.plugin import CONTRACT, DECLARED_IN
 from mapgraft.decision import parse_rules
 from mapgraft.errors import ConfigError, DecisionTableError, PluginError
 from mapgraft.plugins import Offered, Origin, PluginKind, Plugins, load_plugin
@@ -34,6 +35,7 @@ _TYPED: Final[dict[PluginKind, tuple[str, ...]]] = {
     "decoder": ("accepts", "gives"),
     "format": ("accepts", "gives"),
 }
+_FLAGS: Final[dict[str, PluginKind]] = {"uses_prior": "matcher", "needs_prior": "matcher", "stream": "metric"}
 _FUNCTIONS: Final = ("reader", "decoder", "format")
 
 
@@ -97,6 +99,13 @@ class PluginLaws(Laws):
             lacking = [field for field in _TYPED.get(offered.kind, ()) if not getattr(descriptor, field)]
             require(not lacking, f"{who} does not say what it {' and '.join(lacking)}")
             require(not descriptor.extra or descriptor.requires, f"{who} names an extra but not what it requires")
+            odd = [flag for flag, kind in _FLAGS.items() if getattr(descriptor, flag) and kind != offered.kind]
+            require(not odd, f"{who} says {' and '.join(odd)}, which means nothing for a {offered.kind}")
+
+    @law("the module says for which version of the contracts it was written")
+    def test_the_contract_is_declared(self, drawing: Drawing) -> None:
+        said = hasattr(importlib.import_module(self.module), DECLARED_IN)
+        require(said, f"{self.module} does not say {DECLARED_IN} = {CONTRACT}")
 
     @law("its rules can be parsed")
     def test_rules_can_be_parsed(self, drawing: Drawing) -> None:
