@@ -48,6 +48,10 @@ class Evidence:
     def __len__(self) -> int:
         return len(self.pieces) + len(self.space)
 
+    @property
+    def is_empty(self) -> bool:
+        return self.pieces.is_empty and self.space.is_empty
+
     def keys(self) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
         """All keys about which there is evidence, ascending: slots of pieces, and all cells that are known by any."""
         cells = np.union1d(self.pieces.keys >> SLOT_BITS << SLOT_BITS, self.space.keys)
@@ -82,8 +86,18 @@ class LineLayer:
     def map_type(self) -> str:
         return NAME
 
+    @property
+    def is_empty(self) -> bool:
+        return self.own.is_empty and self.absorbed.is_empty
+
+    def all(self) -> Evidence:
+        """What was observed and what was baked in."""
+        return self.own if self.absorbed.is_empty else self.own.plus(self.absorbed)
+
     def region(self) -> LineRegion:
         """The slots about which there is evidence."""
+        if self.absorbed.is_empty:
+            return LineRegion(self.cell_m, self.own.keys())
         return LineRegion(self.cell_m, np.union1d(self.own.keys(), self.absorbed.keys()))
 
 

@@ -59,18 +59,18 @@ class LineMap:
 
     cell_m: float
     own: Evidence
-    received: Evidence
-    total: Evidence
-    reading: Reading
+    received: Evidence = field(default_factory=Evidence)
+    reading: Reading = field(default_factory=Reading)
+    sources: tuple[object, ...] = ()  # what ``received`` was made of
     kept: dict[str, Any] = field(default_factory=dict)  # what was computed from the rest
 
-    @classmethod
-    def of(
-        cls, cell_m: float, own: Evidence, received: Evidence | None = None, reading: Reading | None = None
-    ) -> LineMap:
-        """The view of some evidence."""
-        foreign = received if received is not None else Evidence()
-        return cls(cell_m, own, foreign, own.plus(foreign), reading or Reading())
+    @property
+    def total(self) -> Evidence:
+        """The evidence of all."""
+        if "evidence" not in self.kept:
+            self.kept["evidence"] = self.own if self.received.is_empty else self.own.plus(self.received)
+        total: Evidence = self.kept["evidence"]
+        return total
 
     @property
     def map_type(self) -> str:
@@ -138,7 +138,7 @@ class LineMap:
     def _grown(self, name: str, evidence: Evidence) -> Grown:
         if name not in self.kept:
             reading = self.reading
-            if name != "total" and not len(self.received):
+            if name != "total" and self.received.is_empty:
                 self.kept[name] = self._grown("total", self.total) if name == "own" else _nothing(self.cell_m)
             else:
                 pieces = standing(evidence.pieces, evidence.space, reading.looks_min, reading.share_min)

@@ -35,6 +35,7 @@ from mapgraft_lines.placing import RESAMPLER, place_evidence
 from mapgraft_lines.region import LineRegion, as_region
 from mapgraft_lines.segments import SegmentPoints, from_segments
 from mapgraft_lines.walls import cell_corners_m
+from mapgraft_lines.weights import entering
 
 SEGMENTS: Final = "line_segments"  # the payload kind of ready-made maps
 STRUCTURE_STEP_M: Final = 0.1
@@ -163,26 +164,23 @@ class LineSegments:
         previous: Map | None = None,
         touched: Region | None = None,
     ) -> LineMap:
-        """Own evidence plus, for each contribution, the donor's times its weight.
+        """Own evidence plus what each contribution adds (``weights.entering``); what was received is added up anew only
+        when it has changed.
 
-        Raises MapError when a contribution has cells of another size.
+        Raises MapError when a contribution has cells of another size, or no weight.
         """
         layer = self.new_layer() if own is None else as_layer(own)
         for contribution in contributions:
             _require_cells(as_layer(contribution.layer), layer.cell_m)
-        if (
-            isinstance(previous, LineMap)
-            and isinstance(touched, LineRegion)
-            and previous.cell_m == layer.cell_m
-            and previous.reading == self._reading
-            and contributions
-        ):
-            received = _updated(previous.received, touched, layer, contributions)
+        sources = (layer.absorbed, *map(_entering, contributions))
+        # evidence never changes: from the same sources as before the same was received, whatever was touched
+        if isinstance(previous, LineMap) and previous.sources == sources:
+            received = previous.received
         else:
             received = layer.absorbed
             for contribution in contributions:
-                received = received.plus(_all(as_layer(contribution.layer)), weight_of(contribution))
-        return LineMap.of(layer.cell_m, layer.own, received, self._reading)
+                received = received.plus(entering(contribution))
+        return LineMap(layer.cell_m, layer.own, received, self._reading, sources)
 
     def place(self, layer: Layer, T_receiver_donor: Transform, scale: float = 1.0) -> LineLayer:
         """The layer's evidence in the receiver's frame and this instance's cells (``placing.place_evidence``).
@@ -190,7 +188,7 @@ class LineSegments:
         Raises EmptyMapError when there is nothing to place.
         """
         donor = as_layer(layer)
-        if not len(donor.own) and not len(donor.absorbed):
+        if donor.is_empty:
             raise EmptyMapError("the donor's map of line segments is empty: there is nothing to place")
         T = T_receiver_donor.snapped()
         return LineLayer(
@@ -205,7 +203,7 @@ class LineSegments:
     def absorb(self, layer: Layer, contribution: Contribution) -> LineRegion:
         own, donor = as_layer(layer), as_layer(contribution.layer)
         _require_cells(donor, own.cell_m)
-        own.absorbed = own.absorbed.plus(_all(donor), weight_of(contribution))
+        own.absorbed = own.absorbed.plus(entering(contribution))
         return donor.region()
 
     def reset(self, layer: Layer, foreign: Region, keep: Region) -> Reset:
@@ -242,7 +240,7 @@ class LineSegments:
             observations=own.observations,
             sensor=", ".join(sorted(own.sensors)),
             mapper=own.mapper,
-            can_send=("segments", *(("free space",) if len(own.own.space) else ())),
+            can_send=("segments", *(("free space",) if not own.own.space.is_empty else ())),
             extra={
                 "crossing_m": crossing_m(walls.angles_rad, lengths),
                 "wall_m": float(lengths.sum()),
@@ -268,30 +266,10 @@ class LineSegments:
         return {f"{stem}.lines.geojson": output.geojson(seen), f"{stem}.lines.svg": output.svg(seen)}
 
 
-def weight_of(contribution: Contribution) -> int:
-    """How often the donor's evidence counts; raises MapError unless it is a whole number from 1."""
-    weight = contribution.weights
-    if isinstance(weight, bool) or not isinstance(weight, int) or weight < 1:
-        raise MapError(f"a contribution to {NAME} is weighted by a whole number from 1, found {weight!r}")
-    return weight
-
-
-def _all(layer: LineLayer) -> Evidence:
-    return layer.own.plus(layer.absorbed)
-
-
-def _updated(
-    received: Evidence, touched: LineRegion, layer: LineLayer, contributions: Sequence[Contribution]
-) -> Evidence:
-    """What was received, of which only the touched rows have changed."""
-    keys = touched.keys
-    pieces, space = layer.absorbed.pieces.at(keys), layer.absorbed.space.at(keys)
-    for contribution in contributions:
-        donor, weight = as_layer(contribution.layer), weight_of(contribution)
-        for evidence in (donor.own, donor.absorbed):
-            pieces += weight * evidence.pieces.at(keys)
-            space += weight * evidence.space.at(keys)
-    return Evidence(received.pieces.replaced(keys, pieces), received.space.replaced(keys, space))
+def _entering(contribution: Contribution) -> tuple[Evidence, Evidence, object, str]:
+    """All that decides what a contribution adds, by identity."""
+    layer = as_layer(contribution.layer)
+    return layer.own, layer.absorbed, contribution.weights, contribution.role
 
 
 def _require_cells(layer: LineLayer, cell_m: float) -> None:

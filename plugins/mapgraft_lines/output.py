@@ -32,7 +32,7 @@ def markers(map_: LineMap) -> OutputMessage:
     either side that lie on them. ``free`` are the cells that were looked through (cubes).
     """
     shown = [_lines("walls", map_.walls)]
-    if len(map_.received):
+    if not map_.received.is_empty:
         shown += [_lines(side, map_.side(side)) for side in ("own", "received")]
     middles = cell_corners_m(_free_keys(map_), map_.cell_m) + 0.5 * map_.cell_m
     free = {
@@ -73,7 +73,7 @@ def geojson(map_: LineMap) -> bytes:
     ``free``. ``read`` reads walls and free space back.
     """
     features = _features("wall", "w", map_.walls, None)
-    if len(map_.received):
+    if not map_.received.is_empty:
         for side in ("own", "received"):
             on: dict[int, list[str]] = {}
             for wall, segment in map_.links(side).tolist():

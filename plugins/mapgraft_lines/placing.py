@@ -74,11 +74,11 @@ def _placed_pieces(table: Table, cell_m: float, matrix: NDArray[np.float64], sca
     slots = slots_of(np.where(faced, angle, 0.5 * angle), faced)
     placed = Table.summed(cell_keys(ix, iy) | slots, new, most=LOOKS)
     share = cell_m / (to_m * scale)  # information is told for a piece as long as a cell; what is stretched is less sure
-    return placed if share == 1.0 else Table(placed.keys, _reweighed(placed.counts, share))
+    return placed if share == 1.0 else Table(placed.keys, reweighed(placed.counts, share))
 
 
-def _reweighed(counts: Counts, share: float) -> Counts:
-    """Pieces with ``share`` of their information; at least 1, and where and how long they are as before."""
+def reweighed(counts: Counts, share: float | NDArray[np.float64]) -> Counts:
+    """Pieces with a share, one or (n,), of their information: at least 1, and where and how long they are as before."""
     w = counts[:, W].astype(np.float64)
     new = np.clip(np.rint(w * share), 1.0, None)
     x, y = counts[:, WX] / w, counts[:, WY] / w

@@ -1,26 +1,28 @@
-"""Evidence as a sorted table of integers that is never written: what is added makes a new table."""
+"""Evidence as a sorted table of integers whose rows never change: what is added makes a new table."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
+
+from mapgraft_lines.kernels import merging
 
 Keys = NDArray[np.int64]  # (n,) strictly rising, see kernels.keys
 Counts = NDArray[np.int64]  # (n, columns)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """Rows of counts by key; a key without evidence has no row. Equal evidence has equal arrays."""
+    """Rows of counts by key; a key without evidence has no row. Equal evidence has equal arrays.
 
-    keys: Keys
-    counts: Counts
+    Adding little to much is cheap. A table keeps what was added beside what there was, in runs of which each has at
+    least twice the rows of the next, so that a row is moved as often as the logarithm of their number and not whenever
+    something is added. ``keys`` (n,) and ``counts`` (n, columns) put the runs together when they are asked for.
+    """
 
-    def __post_init__(self) -> None:
-        self.keys.setflags(write=False)
-        self.counts.setflags(write=False)
+    __slots__ = ("__weakref__", "_runs")
+
+    def __init__(self, keys: Keys, counts: Counts) -> None:
+        self._runs: tuple[_Run, ...] = (_Run(keys, counts),)
 
     @classmethod
     def empty(cls, columns: int) -> Table:
@@ -37,37 +39,41 @@ class Table:
             np.maximum.at(total[:, most], inverse, counts[:, most])
         return cls(unique, total)
 
+    @property
+    def keys(self) -> Keys:
+        return self._whole().keys
+
+    @property
+    def counts(self) -> Counts:
+        return self._whole().counts
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is no row, without putting them together."""
+        return not any(len(run.keys) for run in self._runs)
+
     def __len__(self) -> int:
         return len(self.keys)
 
     def at(self, keys: NDArray[np.int64]) -> Counts:
         """The counts of any keys (n, columns); zeros where there is no row."""
-        out = np.zeros((len(keys), self.counts.shape[1]), np.int64)
-        if len(self.keys):
-            place = np.minimum(np.searchsorted(self.keys, keys), len(self.keys) - 1)
-            found = self.keys[place] == keys
-            out[found] = self.counts[place[found]]
+        out = np.zeros((len(keys), self._runs[0].counts.shape[1]), np.int64)
+        for run in self._runs:
+            if len(run.keys):
+                place = np.minimum(np.searchsorted(run.keys, keys), len(run.keys) - 1)
+                found = run.keys[place] == keys
+                out[found] += run.counts[place[found]]
         return out
 
     def plus(self, other: Table, times: int = 1) -> Table:
         """This evidence and ``times`` the other's."""
-        if not len(other):
-            return self
-        if not len(self) and times == 1:
-            return other
-        place = np.searchsorted(self.keys, other.keys)
-        found = np.zeros(len(other.keys), np.bool_)
-        inside = place < len(self.keys)
-        found[inside] = self.keys[place[inside]] == other.keys[inside]
-        counts = self.counts.copy()
-        counts[place[found]] += other.counts[found] * times
-        if found.all():
-            return Table(self.keys, counts)
-        new = ~found
-        return Table(
-            np.insert(self.keys, place[new], other.keys[new]),
-            np.insert(counts, place[new], other.counts[new] * times, axis=0),
-        )
+        runs = [run for run in self._runs if len(run.keys)]
+        for run in other._runs:
+            if len(run.keys):
+                runs.append(run if times == 1 else _Run(run.keys, run.counts * times))
+                while len(runs) > 1 and len(runs[-2].keys) < 2 * len(runs[-1].keys):
+                    runs[-2:] = [runs[-2].merged(runs[-1])]
+        return self._of(runs) if runs else self
 
     def without(self, keys: Keys) -> Table:
         """All rows but those of these keys (ascending)."""
@@ -77,10 +83,30 @@ class Table:
         kept = keys[place] != self.keys
         return Table(self.keys[kept], self.counts[kept])
 
-    def replaced(self, keys: Keys, counts: Counts) -> Table:
-        """This table with other counts at these keys (ascending); rows of zeros are left out."""
-        some = counts.any(axis=1)
-        return self.without(keys).plus(Table(keys[some], counts[some]))
-
     def equals(self, other: Table) -> bool:
         return np.array_equal(self.keys, other.keys) and np.array_equal(self.counts, other.counts)
+
+    def _whole(self) -> _Run:
+        while len(self._runs) > 1:  # the smallest first; what was put together is kept
+            self._runs = (*self._runs[:-2], self._runs[-2].merged(self._runs[-1]))
+        return self._runs[0]
+
+    @staticmethod
+    def _of(runs: list[_Run]) -> Table:
+        table = Table.__new__(Table)
+        table._runs = tuple(runs)
+        return table
+
+
+class _Run:
+    """Rows by key, never written."""
+
+    __slots__ = ("counts", "keys")
+
+    def __init__(self, keys: Keys, counts: Counts) -> None:
+        self.keys, self.counts = np.ascontiguousarray(keys), np.ascontiguousarray(counts)
+        self.keys.setflags(write=False)
+        self.counts.setflags(write=False)
+
+    def merged(self, other: _Run) -> _Run:
+        return _Run(*merging.merge(self.keys, self.counts, other.keys, other.counts))

@@ -8,8 +8,7 @@ from mapgraft.contracts import ConfigError, Contribution, Donation, EmptyMapErro
 from mapgraft_lines.layer import as_layer
 from mapgraft_lines.line_map import as_map
 from mapgraft_lines.placing import RESAMPLER
-
-MOST: int = 3  # applications of one donor
+from mapgraft_lines.weights import MOST
 
 
 class LineUnion:
@@ -29,7 +28,7 @@ class LineUnion:
     def fuse(self, map_type: MapType, target: Map, source: Donation, match: Match) -> Contribution:
         """The contribution; EmptyMapError when the donor's layer is empty, MapError when one is of another type."""
         own, donor = as_map(target), as_layer(source.layer)
-        if not len(donor.own) and not len(donor.absorbed):
+        if donor.is_empty:
             raise EmptyMapError("the donor's map of line segments is empty: there is nothing to fuse")
         T = match.T_receiver_donor.snapped()
         placed = as_layer(map_type.place(donor, T, match.scale))

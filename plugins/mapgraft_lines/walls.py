@@ -127,6 +127,14 @@ def piece_rows(pieces: Table, cell_m: float) -> NDArray[np.float64]:
     )
 
 
+def half_lengths_m(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Half the lengths (n,) of pieces (n, 9), each uniform along its direction."""
+    c, s = rows[:, 2], rows[:, 3]
+    along = c * c * rows[:, 4] + 2.0 * c * s * rows[:, 5] + s * s * rows[:, 6]
+    half: NDArray[np.float64] = np.sqrt(np.maximum(3.0 * along, 0.0))
+    return half
+
+
 def cell_corners_m(keys: Keys, cell_m: float) -> Points:
     """The lower left corners (n, 2) of the cells of keys."""
     ix = (keys >> (INDEX_BITS + SLOT_BITS)) - LIMIT

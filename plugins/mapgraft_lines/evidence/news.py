@@ -77,10 +77,10 @@ class NewsTracker:
 
 def _own_part(map_: LineMap) -> LineMap:
     """What the map's own source has seen."""
-    if not len(map_.received):
+    if map_.received.is_empty:
         return map_
     if "own part" not in map_.kept:
-        map_.kept["own part"] = LineMap.of(map_.cell_m, map_.own, reading=map_.reading)
+        map_.kept["own part"] = LineMap(map_.cell_m, map_.own, reading=map_.reading)
     part: LineMap = map_.kept["own part"]
     return part
 
