@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Final
 
@@ -24,7 +23,8 @@ class PlanPrior:
     model and a room as one miss, so that three looks through a wall that was never built are enough to doubt it, and a
     room is not shown as free before somebody has looked. Nothing of it counts as an observation, as known area or as
     quality, and it is never offered further, because it lies in a layer of its own. A receiver of line segments gets
-    the walls as segments that were seen once. The summary tells ``prior``: 1, and ``cells_changed``.
+    the walls as segments that were seen once, however often and in however many parts they are drawn. The summary tells
+    ``prior``: 1, and ``cells_changed``.
     """
 
     def __init__(self, *, wall: float = 0.85, room: float = 0.41) -> None:
@@ -62,6 +62,6 @@ class PlanPrior:
 
     def _beside(self, map_type: MapType, target: Map, source: Donation, match: Match) -> Contribution:
         from mapgraft_lines.union import LineUnion
+        from mapgraft_lines.weights import as_prior
 
-        made = LineUnion().fuse(map_type, target, source, match)
-        return dataclasses.replace(made, role="prior", summary={"prior": 1.0, **made.summary})
+        return as_prior(LineUnion().fuse(map_type, target, source, match))
