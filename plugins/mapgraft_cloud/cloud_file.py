@@ -40,7 +40,7 @@ def read(
         raise MapError(f"{path.name} has no {' and no '.join(missing)}: its fields are {known}")
     cloud = cloud_of(_scaled(columns, unit), origin)
     if not len(cloud.points_m):
-        lost = f": none of its {cloud.dropped} points is finite" if cloud.dropped else ""
+        lost = f": none of its {cloud.dropped} points is finite and away from the sensor" if cloud.dropped else ""
         raise MapError(f"{path.name} has no points{lost}")
     if warn:
         _warn(path, cloud, warn)
@@ -49,7 +49,7 @@ def read(
 
 def _warn(path: Path, cloud: Cloud, warn: Warn) -> None:
     if cloud.dropped:
-        warn(f"{path.name}: {cloud.dropped} points that are not finite are left out")
+        warn(f"{path.name}: {cloud.dropped} points are left out, which are not finite or where the sensor is")
     across = float(np.ptp(cloud.points_m, axis=0).max())
     if across > _LARGE_M:
         warn(f"{path.name} is {across:.0f} m across: are its numbers metres (unit_m)?")

@@ -28,7 +28,8 @@ class _Field(NamedTuple):
 def point_cloud2(message: Any) -> Cloud:
     """The cloud in a ``PointCloud2`` object: any fields in any order and type, either order of bytes, organised or not.
 
-    Rows may be padded. Points with a coordinate that is not finite are left out and counted. Raises RecordingError when
+    Rows may be padded. Points with a coordinate that is not finite, and those exactly in the sensor, are no returns:
+    they are left out and counted. Raises RecordingError when
     there is no x, y and z of a known type, or the bytes do not fit the layout.
     """
     order = ">" if message.is_bigendian else "<"
@@ -58,8 +59,7 @@ class _Layout(NamedTuple):
 
 def _cloud(data: NDArray[np.uint8], fields: Sequence[_Field], layout: _Layout, order: str) -> Cloud:
     _check(data, fields, layout)
-    names = [field.name for field in fields if field.numbers == 1 or field.name in "xyz"]
-    used = [field for field in fields if field.name in names and field.kind]
+    used = [field for field in fields if field.name in ("x", "y", "z")]
     record = np.dtype(
         {
             "names": [field.name for field in used],

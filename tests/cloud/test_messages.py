@@ -70,24 +70,12 @@ def test_any_layout_gives_the_same_points(
     assert cloud.origin_m == (0.0, 0.0, 0.0)
 
 
-def test_points_that_are_not_finite_are_left_out_with_all_that_belongs_to_them() -> None:
+def test_points_that_are_not_finite_are_left_out_and_counted() -> None:
     record = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")])
     table = table_of(record, np.array([[1, 2, 3], [np.nan, 0, 0], [4, 5, np.inf], [7, 8, 9]], float), 2)
-    table["intensity"] = [[10, 20], [30, 40]]
     cloud = point_cloud2(cloud2(record, table))
     assert cloud.points_m.tolist() == [[1, 2, 3], [7, 8, 9]]
-    assert cloud.intensities is not None
-    assert cloud.intensities.tolist() == [10, 40]
     assert cloud.dropped == 2
-
-
-def test_colours_packed_into_a_number_are_unpacked() -> None:
-    record = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("rgb", "<f4")])
-    table = table_of(record, np.ones((2, 3)))
-    table["rgb"] = np.array([[0x00FF8001, 0x00010203]], np.uint32).view(np.float32)
-    cloud = point_cloud2(cloud2(record, table))
-    assert cloud.colours is not None
-    assert cloud.colours.tolist() == [[255, 128, 1], [1, 2, 3]]
 
 
 def test_a_cloud_without_points_is_a_cloud() -> None:
@@ -158,5 +146,3 @@ def test_foxglove_clouds_as_protobuf_and_json_have_them(as_json: bool) -> None:
     )
     cloud = foxglove_point_cloud(message)
     assert cloud.points_m.tolist() == [[k, 0, 2.5] for k in range(5)]
-    assert cloud.colours is not None
-    assert cloud.colours.tolist() == [[0, 7, 0]] * 5

@@ -96,15 +96,11 @@ class GridMessage:
 class Cloud:
     """Points in three dimensions in the sensor frame: one sweep of a lidar or camera, or a ready-made map of points.
 
-    ``points_m`` (n, 3) float32, finite; ``intensities`` (n,) float32 in the sensor's own unit and ``colours`` (n, 3)
-    uint8 red, green, blue, each None where the sensor tells none. ``origin_m`` is where the sweep was seen from, so
-    that what lies between it and a point is free; None where nobody knows. ``dropped`` counts points that were left out
-    because they are not finite.
+    ``points_m`` (n, 3) float32, finite. ``origin_m`` is where the sweep was seen from, so that what lies between it and
+    a point is free; None where nobody knows. ``dropped`` counts points that were left out because they are no returns.
     """
 
     points_m: NDArray[np.float32]
-    intensities: NDArray[np.float32] | None = None
-    colours: NDArray[np.uint8] | None = None
     origin_m: tuple[float, float, float] | None = (0.0, 0.0, 0.0)
     dropped: int = 0
 
