@@ -22,11 +22,14 @@ if TYPE_CHECKING:
 GROUND_BITS: Final = (1 << (2 * KEY_BITS)) - 1  # of a block's key: its x and y
 
 
+Offsets = NDArray[np.uint16]  # (n, 3)
+
+
 class CloudMap:
     """A read-only view: clamped log-odds per voxel, and where in the occupied ones the points lie.
 
-    ``keys`` (k,) ascend; ``log_odds`` (k, 512) int16, 1024 per nat, 0 where nothing is known; ``offsets`` (k, 512, 3)
-    uint16 the mean position in the voxel in 1/1024 of its side.
+    ``keys`` (k,) ascend; ``log_odds`` (k, 512) int16, 1024 per nat, 0 where nothing is known; ``offsets`` (n, 3) uint16
+    the mean positions in the occupied voxels in 1/1024 of their side, in the order of their blocks.
     """
 
     def __init__(
@@ -35,7 +38,7 @@ class CloudMap:
         thresholds: Thresholds,
         keys: BlockKeys,
         log_odds: NDArray[np.int16],
-        offsets: NDArray[np.uint16],
+        offsets: Offsets,
     ) -> None:
         self.voxel_m, self.thresholds = voxel_m, thresholds
         self.keys, self.log_odds, self.offsets = keys, log_odds, offsets
@@ -65,7 +68,8 @@ class CloudMap:
         return VoxelRegion.from_mask(self.voxel_m, self.keys, self._made_out)
 
     @cached_property
-    def _occupied(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def occupied(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """In which block (n,) and at which place (n,) in it each occupied voxel is."""
         blocks, places = np.nonzero(self.log_odds >= self.thresholds.occupied)
         return blocks, places
 
@@ -77,13 +81,13 @@ class CloudMap:
     @cached_property
     def points_m(self) -> Points:
         """The mean points (n, 3) of the occupied voxels, in the order of their blocks."""
-        blocks, places = self._occupied
-        inside = (self.offsets[blocks, places] + 0.5) / STEPS
+        blocks, places = self.occupied
+        inside = (self.offsets + 0.5) / STEPS
         return (voxels_of(self.keys[blocks], places) + inside) * self.voxel_m
 
     def occupied_log_odds(self) -> NDArray[np.int16]:
         """The log-odds (n,) of the occupied voxels, in the order of ``points_m``."""
-        blocks, places = self._occupied
+        blocks, places = self.occupied
         return self.log_odds[blocks, places]
 
     def voxels_at(self, points_m: Points) -> Voxels:

@@ -25,6 +25,7 @@ from mapgraft.contracts import (
     Transform,
 )
 from mapgraft_cloud import baking, codec, observing, output, placing, views
+from mapgraft_cloud.above import seen_from_above
 from mapgraft_cloud.cloud_map import CloudMap, as_map
 from mapgraft_cloud.layer import CloudLayer, as_layer
 from mapgraft_cloud.parameters import (
@@ -49,9 +50,11 @@ class PointCloud:
     ``resolution_m`` is the side of a voxel. ``l_hit`` and ``l_miss`` (nats) are the evidence of one hit and one miss
     (OctoMap's values), ``clamp`` (nats) bounds what a reader sees; nothing is clamped when writing. A voxel is occupied
     above the probability ``occupied`` and free below ``free``: one look suffices for either. A point
-    from within ``max_range_m`` hits; what lies between it and the sensor was seen through, up to ``short_voxels``
-    voxels before it; before a point farther off the first ``free_range_m`` are free. A cloud whose origin nobody knows
-    gives hits only. ``export`` is the form of the map's file: ``pcd`` or ``ply`` (binary), ``pcd_ascii`` or
+    between ``min_range_m`` and ``max_range_m`` away hits; what lies between it and the sensor was seen through, up to
+    ``short_voxels`` voxels before it; before a point farther off the first ``free_range_m`` are free; a nearer one is
+    the robot itself or no return, and left out. A cloud whose origin nobody knows gives hits only. ``floor_m`` is the
+    height of the floor in the robot's map frame, from which height bands are measured; None: as high as the robot's
+    base, where it was. ``export`` is the form of the map's file: ``pcd`` or ``ply`` (binary), ``pcd_ascii`` or
     ``ply_ascii``.
 
     Raises ConfigError on an impossible value. Source: A. Hornung et al., OctoMap (Autonomous Robots 34, 2013).
@@ -68,7 +71,9 @@ class PointCloud:
         free: float = 0.4,
         max_range_m: float = 60.0,
         free_range_m: float = 20.0,
+        min_range_m: float = 0.3,
         short_voxels: int = 1,
+        floor_m: float | None = None,
         export: str = "pcd",
     ) -> None:
         self._voxel_m = _within("resolution_m", resolution_m, FINEST_M, COARSEST_M)
@@ -77,11 +82,14 @@ class PointCloud:
             round(_within("l_miss", l_miss, -_MOST_NATS, -1 / LOG_ODDS_PER_NAT) * LOG_ODDS_PER_NAT),
         )
         self.thresholds = _thresholds(occupied, free, clamp)
+        far_m = _within("max_range_m", max_range_m, resolution_m, _LONGEST_M)
         self._reach = Reach(
-            _within("max_range_m", max_range_m, resolution_m, _LONGEST_M),
+            _within("min_range_m", min_range_m, 0.0, far_m),
+            far_m,
             _within("free_range_m", free_range_m, 0.0, _LONGEST_M),
             int(_within("short_voxels", short_voxels, 0, 100)),
         )
+        self._floor_m = None if floor_m is None else _within("floor_m", floor_m, -_LONGEST_M, _LONGEST_M)
         if export not in output.FORMS:
             raise ConfigError(f"export of a point cloud map is one of {', '.join(output.FORMS)}, found {export!r}")
         self._export = export
@@ -106,7 +114,7 @@ class PointCloud:
         own, payload = as_layer(layer), observation.payload
         if isinstance(payload, Cloud):
             take = observing.replace_content if observation.kind == CLOUD_MAP else observing.add_sweep
-            return take(own, observation, payload, self._reach)
+            return take(own, observation, payload, self._reach, self._floor_m)
         raise MapError(
             f"a point cloud map is made from a {CLOUD} or a {CLOUD_MAP}, found a {observation.kind} of "
             f"{observation.robot}: choose another map type for this robot"
@@ -187,9 +195,9 @@ class PointCloud:
         return points if within is None else points[as_map(within).makes_out(points)]
 
     def messages(self, map_: Map) -> Iterable[OutputMessage]:
-        """One ``sensor_msgs/msg/PointCloud2`` of the occupied voxels; none for a map without any."""
+        """The occupied voxels as ``sensor_msgs/msg/PointCloud2``, and the map from above; none for a map without any."""
         seen = as_map(map_)
-        return (output.point_cloud(seen),) if len(seen.points_m) else ()
+        return (output.point_cloud(seen), seen_from_above(seen)) if len(seen.points_m) else ()
 
     def files(self, map_: Map, stem: str) -> Mapping[str, bytes]:
         """``stem.pcd`` or ``stem.ply`` of the occupied voxels; raises EmptyMapError when nothing is occupied."""

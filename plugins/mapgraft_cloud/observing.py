@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.contracts import Cloud, MapError, Observation
-from mapgraft_cloud.blocks import SUM_X, BlockPool, empty_bits
+from mapgraft_cloud.blocks import AXES, BlockPool, empty_bits
+from mapgraft_cloud.floors import Floor, Floors, floor_at, floor_beneath
 from mapgraft_cloud.kernels import tracing
 from mapgraft_cloud.kernels.block_keys import VOXEL_LIMIT
 from mapgraft_cloud.kernels.placing import STEPS
@@ -18,36 +21,46 @@ _FIRST_BLOCKS = 1 << 12
 _LARGEST_OFFSET = STEPS - 1
 
 
-def add_sweep(layer: CloudLayer, observation: Observation, cloud: Cloud, reach: Reach) -> VoxelRegion:
+def add_sweep(
+    layer: CloudLayer, observation: Observation, cloud: Cloud, reach: Reach, floor_m: float | None = None
+) -> VoxelRegion:
     """Count one sweep, with what lies between it and where it was seen from.
 
-    Raises MapError when the layer holds a ready map, or points lie beyond ±2²⁰ voxels; the layer is then as before.
+    ``floor_m`` is the height of the floor where somebody knows it. Raises MapError when the layer holds a ready map, or
+    points lie beyond ±2²⁰ voxels; the layer is then as before.
     """
     if layer.mapper == READY_MADE:
         raise MapError(f"the map of {observation.robot} is a ready-made one: it cannot be mapped from sweeps as well")
-    points, origin, far = _in_map(layer, observation, cloud, reach)
-    hits = Hits.of(points)
-    layer.pool.reserve(1)
-    free = None if origin is None else _seen_through(origin, hits, far, reach.short_voxels)
-    region = _count(layer, hits, free)
-    _sign(layer, observation, cloud, FROM_CLOUDS)
+    seen = _in_map(layer, observation, cloud, reach)
+    found = _found(seen, reach.short_voxels)
+    layer.own.require_room(found[0], 1)
+    region = _count(layer, *found)
+    floor = _floor_below(layer, observation, seen.hits, floor_m)
+    if floor is not None:
+        layer.floors.add(floor)
+    _sign(layer, observation, cloud.dropped + seen.near, FROM_CLOUDS)
     return region
 
 
-def replace_content(layer: CloudLayer, observation: Observation, cloud: Cloud, reach: Reach) -> VoxelRegion:
-    """Take a ready-made map in the place of what was there; raises MapError as ``add_sweep``."""
+def replace_content(
+    layer: CloudLayer, observation: Observation, cloud: Cloud, reach: Reach, floor_m: float | None = None
+) -> VoxelRegion:
+    """Take a ready-made map in the place of the one before; what was baked in from donors stays.
+
+    Raises MapError as ``add_sweep``.
+    """
     if layer.mapper == FROM_CLOUDS:
         raise MapError(f"the map of {observation.robot} is made from sweeps: it cannot be a ready-made one as well")
-    endless = Reach(np.inf, reach.free_m, reach.short_voxels)
-    points, origin, far = _in_map(layer, observation, cloud, endless if cloud.origin_m is None else reach)
-    hits = Hits.of(points)
-    before = layer.region()
-    layer.pools = {layer.sensor_model: BlockPool()}
-    layer.pool.reserve(1)
-    free = None if origin is None else _seen_through(origin, hits, far, reach.short_voxels)
-    region = _count(layer, hits, free)
+    endless = Reach(0.0, np.inf, reach.free_m, reach.short_voxels)
+    seen = _in_map(layer, observation, cloud, endless if cloud.origin_m is None else reach)
+    found = _found(seen, reach.short_voxels)
+    before = VoxelRegion.from_bits(layer.voxel_m, layer.own.keys, layer.own.held(layer.own.keys))
+    layer.own, layer.floors = BlockPool(), Floors()
+    region = _count(layer, *found)
+    if floor_m is not None:
+        layer.floors.add(floor_at(observation.T_map_sensor.matrix[:3, 3], floor_m, layer.voxel_m))
     layer.sensors, layer.dropped = frozenset(), 0
-    _sign(layer, observation, cloud, READY_MADE)
+    _sign(layer, observation, cloud.dropped + seen.near, READY_MADE)
     return region.union(before)
 
 
@@ -74,10 +87,17 @@ class Hits:
         return cls(whole[order][first], (np.add.reduceat(offsets, first) + counts // 2) // counts)
 
 
-def _in_map(
-    layer: CloudLayer, observation: Observation, cloud: Cloud, reach: Reach
-) -> tuple[NDArray[np.float64], NDArray[np.float64] | None, NDArray[np.float64]]:
-    """Points that count as hits, where they were seen from, and where beams to farther ones end; all in voxels."""
+class _Seen(NamedTuple):
+    """One sweep in the map frame, in voxels: points (n, 3) that count as hits, where they were seen from (None: nobody
+    knows), where beams to farther points end (m, 3), and how many points lie too near."""
+
+    hits: NDArray[np.float64]
+    origin: NDArray[np.float64] | None
+    far: NDArray[np.float64]
+    near: int
+
+
+def _in_map(layer: CloudLayer, observation: Observation, cloud: Cloud, reach: Reach) -> _Seen:
     points = observation.T_map_sensor.apply(cloud.points_m) / layer.voxel_m
     if not np.isfinite(points).all() or (np.abs(points) >= VOXEL_LIMIT).any():
         raise MapError(
@@ -85,12 +105,33 @@ def _in_map(
             f"{observation.robot}: check poses and units, or give larger voxels (resolution_m)"
         )
     if cloud.origin_m is None:
-        return points, None, np.empty((0, 3))
+        return _Seen(points, None, np.empty((0, 3)), 0)
     origin = observation.T_map_sensor.apply(np.array([cloud.origin_m])) / layer.voxel_m
     away = np.linalg.norm(points - origin, axis=1) * layer.voxel_m
-    far = away > reach.hit_m
+    near, far = away < reach.near_m, away > reach.hit_m
     ends = origin + (points[far] - origin) * (min(reach.free_m, reach.hit_m) / away[far])[:, None]
-    return points[~far], origin[0], ends
+    return _Seen(points[~(near | far)], origin[0], ends, int(np.count_nonzero(near)))
+
+
+def _floor_below(
+    layer: CloudLayer, observation: Observation, points: NDArray[np.float64], floor_m: float | None
+) -> Floor | None:
+    if floor_m is not None:
+        return floor_at(observation.T_map_sensor.matrix[:3, 3], floor_m, layer.voxel_m)
+    return floor_beneath(points, observation.T_map_sensor, observation.T_map_base, layer.voxel_m)
+
+
+def _found(seen: _Seen, short: int) -> tuple[BlockKeys, BitLayers, Hits]:
+    """The blocks, ascending, the voxels in them that were seen through, and the ones that were hit."""
+    hits = Hits.of(seen.hits)
+    hit_keys = np.unique(keys_of(hits.voxels))
+    if seen.origin is None:
+        return hit_keys, empty_bits(hit_keys.size), hits
+    free_keys, free = _seen_through(seen.origin, hits, seen.far, short)
+    keys = np.union1d(hit_keys, free_keys)
+    bits = empty_bits(keys.size)
+    bits[np.searchsorted(keys, free_keys)] = free
+    return keys, bits, hits
 
 
 def _seen_through(
@@ -115,23 +156,21 @@ def _one_per_voxel(ends: NDArray[np.float64]) -> NDArray[np.float64]:
     return hits.voxels + (hits.offsets + 0.5) / STEPS
 
 
-def _count(layer: CloudLayer, hits: Hits, free: tuple[BlockKeys, BitLayers] | None) -> VoxelRegion:
-    hit_keys = np.unique(keys_of(hits.voxels))
-    keys = hit_keys if free is None else np.union1d(hit_keys, free[0])
-    free_bits, hit_bits = empty_bits(keys.size), empty_bits(keys.size)
-    if free is not None:
-        free_bits[np.searchsorted(keys, free[0])] = free[1]
+def _count(layer: CloudLayer, keys: BlockKeys, free: BitLayers, hits: Hits) -> VoxelRegion:
+    hit = empty_bits(keys.size)
     blocks, places = find(keys, keys_of(hits.voxels)), places_of(hits.voxels)
-    np.bitwise_or.at(hit_bits, (blocks, places // 64), np.uint64(1) << (places % 64).astype(np.uint64))
-    slots = layer.pool.claim(keys)
-    tracing.count(slots, free_bits, hit_bits, layer.pool.counts)
-    for axis in range(3):  # every voxel once, so that nothing is written twice
-        layer.pool.counts[slots[blocks], SUM_X + axis, places] += hits.offsets[:, axis].astype(np.uint32)
-    return VoxelRegion.from_bits(layer.voxel_m, keys, free_bits | hit_bits)
+    np.bitwise_or.at(hit, (blocks, places // 64), np.uint64(1) << (places % 64).astype(np.uint64))
+    slots = layer.own.claim(keys)
+    tracing.count(slots, free, hit, layer.own.counts)
+    layer.own.claim_sums(slots[np.unique(blocks)])
+    rows = layer.own.rows[slots[blocks]]
+    for axis in range(AXES):  # every voxel once, so that nothing is written twice
+        layer.own.sums[rows, axis, places] += hits.offsets[:, axis].astype(np.uint32)
+    return VoxelRegion.from_bits(layer.voxel_m, keys, free | hit)
 
 
-def _sign(layer: CloudLayer, observation: Observation, cloud: Cloud, mapper: str) -> None:
+def _sign(layer: CloudLayer, observation: Observation, dropped: int, mapper: str) -> None:
     layer.mapper = mapper
     layer.observations += 1
-    layer.dropped += cloud.dropped
+    layer.dropped += dropped
     layer.sensors |= {observation.sensor}

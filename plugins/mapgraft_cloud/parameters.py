@@ -31,11 +31,12 @@ class Thresholds:
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """How far a point counts as a hit, how far what lies before one farther off is free, and how short beams stop.
-
-    ``short_voxels`` before the voxel that they end in, so that those which graze a wall do not eat it.
+    """What counts of a sweep: points from ``near_m`` to ``hit_m`` away are hits, and what lies before one farther off
+    is free up to ``free_m``; beams stop ``short_voxels`` before the voxel that they end in, so that those which graze a
+    wall do not eat it.
     """
 
+    near_m: float
     hit_m: float
     free_m: float
     short_voxels: int

@@ -15,7 +15,6 @@ BlockKeys = NDArray[np.int64]  # (k,) see kernels.block_keys
 BitLayers = NDArray[np.uint64]  # (k, 8) one word per z of a block, bit = 8 y + x
 Voxels = NDArray[np.int64]  # (n, 3) ix, iy, iz
 
-_WEIGHTS: Final = np.uint64(1) << np.arange(BLOCK * BLOCK, dtype=np.uint64)
 _MASK: Final = (1 << KEY_BITS) - 1
 
 
@@ -77,14 +76,13 @@ class VoxelRegion:
     @classmethod
     def from_mask(cls, voxel_m: float, keys: BlockKeys, mask: NDArray[np.bool_]) -> VoxelRegion:
         """The True voxels of a mask (k, 512) over blocks in ascending order."""
-        words = mask.reshape(-1, BLOCK, BLOCK * BLOCK)
-        bits: BitLayers = np.where(words, _WEIGHTS, np.uint64(0)).sum(axis=2, dtype=np.uint64)
-        return cls.from_bits(voxel_m, keys, bits)
+        packed = np.packbits(mask.reshape(-1, VOLUME), axis=1, bitorder="little")
+        return cls.from_bits(voxel_m, keys, packed.view("<u8").astype(np.uint64))
 
     def mask(self) -> NDArray[np.bool_]:
         """(k, 512) True where the region has the voxel of its block."""
-        mask: NDArray[np.bool_] = ((self.bits[:, :, None] & _WEIGHTS) != 0).reshape(-1, VOLUME)
-        return mask
+        packed = np.ascontiguousarray(self.bits.astype("<u8")).view(np.uint8).reshape(-1, VOLUME // 8)
+        return np.unpackbits(packed, axis=1, bitorder="little").view(np.bool_)
 
     def union(self, other: VoxelRegion) -> VoxelRegion:
         """The voxels in either; raises MapError when both hold voxels of different sizes."""

@@ -22,7 +22,8 @@ from mapgraft.contracts import (
     Scan,
     Transform,
 )
-from mapgraft_cloud.blocks import BlockPool
+from mapgraft_cloud.blocks import MISSES
+from mapgraft_cloud.grid_conversion import counted
 from mapgraft_cloud.layer import CloudLayer
 from mapgraft_cloud.map_type import PointCloud
 from mapgraft_cloud.parameters import MOST_LOOKS
@@ -35,11 +36,7 @@ VOXEL = np.array([[1.23, -0.41, 0.72]])
 def counts_at(layer: CloudLayer, point: tuple[float, float, float]) -> tuple[int, int]:
     """Hits and misses of the voxel at a point."""
     voxel = np.floor(np.array([point]) / layer.voxel_m).astype(np.int64)
-    keys, counts = layer.pool.table()
-    at = np.flatnonzero(keys == keys_of(voxel)[0])
-    if not at.size:
-        return 0, 0
-    hits, misses = counts[at[0], :2, places_of(voxel)[0]].tolist()
+    hits, misses = counted(layer, keys_of(voxel))[0, :, places_of(voxel)[0]].tolist()
     return hits, misses
 
 
@@ -77,7 +74,7 @@ def test_beams_end_where_they_cannot_be_trusted_any_more(observe: Observe) -> No
     assert counts_at(layer, (2.55, 0.0, 0.0)) == (0, 0)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     origin=st.tuples(*[st.floats(-3, 3)] * 3),
     end=st.tuples(*[st.floats(-3, 3)] * 3),
@@ -85,13 +82,13 @@ def test_beams_end_where_they_cannot_be_trusted_any_more(observe: Observe) -> No
 def test_every_voxel_that_a_beam_crosses_is_seen_through(
     origin: tuple[float, float, float], end: tuple[float, float, float]
 ) -> None:
-    kind = PointCloud(short_voxels=0)
+    kind = PointCloud(short_voxels=0, min_range_m=0.0)
     layer = kind.new_layer()
     cloud = Cloud(np.array([end], np.float32) - np.array([origin], np.float32))
     pose = Transform.from_quaternion(origin, (0.0, 0.0, 0.0, 1.0))
     kind.integrate(layer, Observation("r", 1, 1, "lidar", CLOUD, cloud, pose, pose))
-    keys, counts = layer.pool.table()
-    block, place = np.nonzero(counts[:, 1])
+    keys = layer.own.filled()
+    block, place = np.nonzero(counted(layer, keys)[:, MISSES])
     crossed = {tuple(voxel) for voxel in voxels_of(keys[block], place).tolist()}
     points = pose.apply(cloud.points_m)[0] / 0.1
     steps = np.linspace(np.array(origin) / 0.1, points, 4001)[1:-1]
@@ -100,7 +97,7 @@ def test_every_voxel_that_a_beam_crosses_is_seen_through(
     wanted = {tuple(voxel) for voxel in np.floor(steps[inside]).astype(int).tolist()} - {last}
     near_end = {v for v in wanted if max(abs(a - b) for a, b in zip(v, last, strict=True)) <= 1}
     assert wanted - near_end <= crossed
-    assert all(np.abs(np.array(v) + 0.5 - steps).max(axis=1).min() < 0.51 for v in crossed)
+    assert all(np.abs(np.array(v) + 0.5 - steps).max(axis=1).min() < 0.55 for v in crossed)
 
 
 def test_a_ready_made_map_replaces_the_one_before_and_mixes_with_no_sweeps(observe: Observe) -> None:
@@ -150,18 +147,32 @@ def test_memory_grows_with_what_was_looked_at_not_with_the_way_between(observe: 
     layer = kind.new_layer()
     for far in (0.0, 50_000.0):
         kind.integrate(layer, observe([[1, 0, 0]], Transform.planar(far, 0.0, 0.0)))
-    once = layer.pool.keys.size
+    once = layer.own.keys.size
     for _ in range(50):
         kind.integrate(layer, observe([[1, 0, 0]]))
-    assert layer.pool.keys.size == once < 20
+    assert layer.own.keys.size == once < 20
     assert layer.nbytes < 2_000_000
 
 
-def test_counts_that_would_not_fit_are_refused() -> None:
-    pool = BlockPool()
-    pool.reserve(MOST_LOOKS)
+def test_counts_that_would_not_fit_are_refused(observe: Observe) -> None:
+    kind = PointCloud()
+    layer = kind.new_layer()
+    kind.integrate(layer, observe(VOXEL))
+    placed = kind.place(layer, Transform.identity())
+    before = kind.encode(layer)
+    layer.own.counts[layer.own.counts > 0] = MOST_LOOKS - 1
+    for copy in (layer, kind.decode(kind.encode(layer))):  # the same, alive and after a journey
+        kind.integrate(copy, observe(VOXEL))
+        full = kind.encode(copy)
+        with pytest.raises(MapError, match="map fewer of the sweeps"):
+            kind.integrate(copy, observe(VOXEL))
+        assert kind.encode(copy) == full != before
+    taken = contribution(kind, layer)
+    kind.absorb(placed, taken)
+    full = kind.encode(placed)
     with pytest.raises(MapError, match="map fewer of the sweeps"):
-        pool.reserve(1)
+        kind.absorb(placed, taken)
+    assert kind.encode(placed) == full
 
 
 def test_identity_moves_nothing(drives: tuple[CloudLayer, CloudLayer]) -> None:
@@ -206,9 +217,11 @@ def test_baking_in_and_discarding_is_counted(observe: Observe) -> None:
 def test_bytes_that_are_no_layer_are_refused(drives: tuple[CloudLayer, CloudLayer]) -> None:
     kind = PointCloud()
     data = kind.encode(drives[0])
-    for broken in (b"", b"GARBAGE", data[:-9], data + b"x", data.replace(b'"voxel_m":0.1', b'"voxel_m":0.0')):
-        with pytest.raises(MapError, match="no layer of a point cloud map"):
+    for broken in (b"", b"GARBAGE", data[:-9], data + b"x", data[:60] + b"?" + data[61:]):
+        with pytest.raises(MapError, match="an encoded point cloud map"):
             kind.decode(broken)
+    with pytest.raises(MapError, match="of version 7 was found, this program reads 1"):
+        kind.decode(data[:7] + b"\x07\x00" + data[9:])
 
 
 def test_the_map_is_shown_and_written(drives: tuple[CloudLayer, CloudLayer]) -> None:

@@ -8,32 +8,45 @@ from numpy.typing import NDArray
 
 from mapgraft_cloud.kernels.block_keys import BLOCK, VOLUME
 
+HITS, MISSES, RANK = range(3)
+FREE, MAYBE, STANDS = 1, 2, 3  # what the best voxel of a column so far says; 0: nothing
+
 
 @njit(cache=True)
 def gather(
     grounds: NDArray[np.int64],
     bottoms: NDArray[np.int64],
-    hits: NDArray[np.int64],
-    misses: NDArray[np.int64],
-    band: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    low: NDArray[np.int64],
+    thick: int,
     model: NDArray[np.int64],
     out: NDArray[np.int64],
 ) -> None:
-    """The counts of columns ``out`` (g, 2, 64: hits, misses) from blocks (k,) with counts (k, 512).
+    """The best voxels of columns ``out`` (g, 3, 64: hits, misses, what they say) from blocks (k,).
 
-    ``grounds`` (k,) tells to which columns a block belongs, ``bottoms`` (k,) its lowest voxel's z; only z in ``band``
-    (low, high) count. A column takes the counts of the voxel that is most surely occupied by ``model`` (hit, miss), and
-    where none is, of the one that was most often seen through; of equal ones the lowest.
+    ``grounds`` (k,) tells to which columns a block belongs, ``bottoms`` (k,) its lowest voxel's z; ``counts``
+    (k, 2, 512) are hits and misses. Only ``thick`` voxels from z = ``low`` (g,) on count. ``model`` (4,) is the
+    evidence of a hit and of a miss, from where on a voxel is occupied, and up to where it is free. A column takes the
+    counts of the occupied voxel with most evidence; where none is, and nothing speaks for one, of the free voxel that
+    was most often seen through; of equal ones the lowest.
     """
     for block in range(grounds.size):
+        ground = grounds[block]
         for i in range(VOLUME):
             z = bottoms[block] + i // (BLOCK * BLOCK)
-            h, m = hits[block, i], misses[block, i]
-            if z < band[0] or z >= band[1] or (h == 0 and m == 0):
+            h, m = counts[block, 0, i], counts[block, 1, i]
+            if z < low[ground] or z >= low[ground] + thick or (h == 0 and m == 0):
                 continue
-            place = i % (BLOCK * BLOCK)
-            old_h, old_m = out[grounds[block], 0, place], out[grounds[block], 1, place]
-            odds, old = h * model[0] + m * model[1], old_h * model[0] + old_m * model[1]
-            surer = odds > 0 and (odds > old or (old_h == 0 and old_m == 0))
-            if surer or (odds <= 0 and old <= 0 and m > old_m):
-                out[grounds[block], 0, place], out[grounds[block], 1, place] = h, m
+            odds = h * model[0] + m * model[1]
+            if odds >= model[2]:
+                says = STANDS
+            elif odds > 0:
+                says = MAYBE
+            elif odds <= model[3]:
+                says = FREE
+            else:
+                continue
+            best = out[ground, :, i % (BLOCK * BLOCK)]
+            better = odds > best[HITS] * model[0] + best[MISSES] * model[1] if says == STANDS else m > best[MISSES]
+            if says > best[RANK] or (says == best[RANK] and better):
+                best[HITS], best[MISSES], best[RANK] = h, m, says

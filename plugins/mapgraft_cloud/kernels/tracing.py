@@ -106,7 +106,7 @@ def see_through(
 def count(
     slots: NDArray[np.int64], free: NDArray[np.uint64], hit: NDArray[np.uint64], counts: NDArray[np.uint32]
 ) -> None:
-    """Add one miss to every free voxel that was not hit, and one hit to every hit one; counts (slots, 5, 512)."""
+    """Add one miss to every free voxel that was not hit, and one hit to every hit one; counts (slots, 2, 512)."""
     one = np.uint64(1)
     for i in range(slots.size):
         for z in range(BLOCK):

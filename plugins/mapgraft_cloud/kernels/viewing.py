@@ -13,39 +13,88 @@ from mapgraft_cloud.kernels.block_keys import BLOCK, VOLUME, block_key, slot_of
 def add_evidence(
     keys: NDArray[np.int64],
     odds: NDArray[np.int64],
-    sums: NDArray[np.int64],
+    positions: NDArray[np.int64],
     source_keys: NDArray[np.int64],
     counts: NDArray[np.uint32],
     slots: NDArray[np.int64],
+    sums: NDArray[np.uint32],
+    rows: NDArray[np.int64],
     model: NDArray[np.int64],
 ) -> None:
-    """Add one source to log-odds (k, 512) and position sums (k, 4, 512: hits, x, y, z) of ascending blocks ``keys``.
+    """Add one source to log-odds (k, 512) and positions (k, 4, 512: hits, x, y, z) of ascending blocks ``keys``.
 
-    ``counts`` (capacity, 5, 512) is read at the ``slots`` (m,) of the ascending ``source_keys`` (m,); ``model`` (3,) is
-    the evidence of a hit, of a miss, and how often the source counts.
+    ``counts`` (capacity, 2, 512) is read at the ``slots`` (m,) of the ascending ``source_keys`` (m,), ``sums``
+    (s, 3, 512) at the ``rows`` (capacity,) of these; ``model`` (3,) is the evidence of a hit, of a miss, and how often
+    the source counts.
     """
     for k in range(keys.size):
         place = slot_of(source_keys, keys[k])
         if place < 0:
             continue
         slot = slots[place]
+        row = rows[slot]
         for i in range(VOLUME):
             hits, misses = np.int64(counts[slot, 0, i]), np.int64(counts[slot, 1, i])
             if hits or misses:
                 odds[k, i] += model[2] * (hits * model[0] + misses * model[1])
-                sums[k, 0, i] += model[2] * hits
+            if hits:
+                positions[k, 0, i] += model[2] * hits
                 for axis in range(3):
-                    sums[k, 1 + axis, i] += model[2] * np.int64(counts[slot, 2 + axis, i])
+                    positions[k, 1 + axis, i] += model[2] * np.int64(sums[row, axis, i])
 
 
 @njit(cache=True)
-def mean_offsets(sums: NDArray[np.int64], offsets: NDArray[np.uint16]) -> None:
-    """The mean position (k, 512, 3) in a voxel from sums (k, 4, 512), in 1/1024 voxel; the middle without hits."""
-    for k in range(sums.shape[0]):
+def most(counts: NDArray[np.uint32], slots: NDArray[np.int64]) -> int:
+    """The largest of the counts (capacity, 2, 512) at these slots (n,), 0 without any."""
+    found = 0
+    for slot in slots:
+        for channel in range(2):
+            for i in range(VOLUME):
+                found = max(found, int(counts[slot, channel, i]))
+    return found
+
+
+@njit(cache=True)
+def filled(counts: NDArray[np.uint32], slots: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which slots (n,) have any counts (capacity, 2, 512)."""
+    found = np.zeros(slots.size, np.bool_)
+    for n in range(slots.size):
         for i in range(VOLUME):
-            hits = sums[k, 0, i]
-            for axis in range(3):
-                offsets[k, i, axis] = np.uint16(sums[k, 1 + axis, i] // hits) if hits > 0 else np.uint16(512)
+            if counts[slots[n], 0, i] or counts[slots[n], 1, i]:
+                found[n] = True
+                break
+    return found
+
+
+@njit(cache=True)
+def held(
+    counts: NDArray[np.uint32], slots: NDArray[np.int64], places: NDArray[np.int64], bits: NDArray[np.uint64]
+) -> None:
+    """Set the bits (k, 8) of the voxels with counts: those of ``slots`` (n,) in the rows ``places`` (n,)."""
+    for n in range(slots.size):
+        for i in range(VOLUME):
+            if counts[slots[n], 0, i] or counts[slots[n], 1, i]:
+                bits[places[n], i >> 6] |= np.uint64(1) << np.uint64(i & 63)
+
+
+@njit(cache=True)
+def clear(
+    counts: NDArray[np.uint32],
+    sums: NDArray[np.uint32],
+    rows: NDArray[np.int64],
+    slots: NDArray[np.int64],
+    bits: NDArray[np.uint64],
+) -> None:
+    """Forget the counts and position sums of the voxels whose bits (n, 8) are set in the blocks at ``slots`` (n,)."""
+    for n in range(slots.size):
+        slot = slots[n]
+        for i in range(VOLUME):
+            if (bits[n, i >> 6] >> np.uint64(i & 63)) & np.uint64(1):
+                counts[slot, 0, i] = 0
+                counts[slot, 1, i] = 0
+                if rows[slot] >= 0:
+                    for axis in range(3):
+                        sums[rows[slot], axis, i] = 0
 
 
 @njit(cache=True)
