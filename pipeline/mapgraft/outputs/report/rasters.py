@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -18,12 +18,8 @@ _POINTS_ACROSS: Final = 400  # cells along the longer side of what has no cells 
 _DATATYPES: Final = {7: "f4", 8: "f8"}  # of sensor_msgs/PointField
 _ADD, _DELETE, _DELETE_ALL = 0, 2, 3  # actions of visualization_msgs/Marker
 _LINE_STRIP, _LINE_LIST, _CUBE_LIST = 4, 5, 6  # types of visualization_msgs/Marker
-_SOLID: Final = 0.5  # opacity from which a cube hides what is below
+_FREE_SPACE: Final = "free"  # the namespace of markers that show what is free, as the contract has it
 _MOST_POINTS: Final = 4_000_000  # of one list of cubes
-_SLAB_M: Final = 0.2
-_STOREY_M: Final = 1.0  # least height from floor to ceiling
-_STOREY_SHARE: Final = 0.1  # of all cells, which floors and ceilings have at least
-_UPRIGHT_SHARE: Final = 0.01  # of all cells, which are left in between
 _LARGEST: Final = 6000  # cells along a side that are looked at one by one
 
 
@@ -108,8 +104,11 @@ def raster_of(message_type: str, message: Any) -> Raster | None:
     return make(message) if make else None
 
 
-def is_drawable(message_type: str) -> bool:
-    return message_type in _MAKERS
+def drawable_of(message_types: Iterable[str]) -> str | None:
+    """Of the types of the messages that show one map, that which says most of how it looks from above; None where
+    there is a picture of none."""
+    given = set(message_types)
+    return next((message_type for message_type in _MAKERS if message_type in given), None)
 
 
 def _looked_up(
@@ -167,7 +166,7 @@ def _cloud(message: Any) -> Raster | None:
     order = ">" if message.is_bigendian else "<"
     points = data[: count * message.point_step].reshape(count, message.point_step)
     axes = []
-    for axis in "xyz" if "z" in fields and fields["z"][1] in _DATATYPES else "xy":
+    for axis in "xy":
         offset, datatype = fields[axis]
         kind = np.dtype(order + _DATATYPES[datatype])
         if offset + kind.itemsize > message.point_step:
@@ -176,37 +175,11 @@ def _cloud(message: Any) -> Raster | None:
         axes.append(raw.view(kind).ravel().astype(np.float64))
     where = np.stack(axes, axis=1)
     where = where[np.isfinite(where).all(axis=1)]
-    raster = _painted([(where[:, :2], OCCUPIED)])
-    if raster is None or where.shape[1] == 2:
-        return raster
-    floor, between = _levels(where, raster)
-    return raster if not between.any() else _painted([(where[floor, :2], FREE), (where[between, :2], OCCUPIED)])
-
-
-def _levels(points_m: NDArray[np.float64], raster: Raster) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which points (n, 3) lie on the floor, and which between floor and ceiling; none where a cloud has no storey.
-
-    Floor and ceiling are the lowest and the highest slab of 0.2 m in which a tenth of all cells have a point. What
-    stands upright has points in between.
-    """
-    nothing = np.zeros(len(points_m), np.bool_)
-    at = np.floor((points_m[:, :2] - (raster.x_m, raster.y_m)) / raster.cell_m).astype(np.int64)
-    cell = at[:, 1] * raster.cells.shape[1] + at[:, 0]
-    slab = np.floor(points_m[:, 2] / _SLAB_M).astype(np.int64)
-    own = np.unique(np.stack((slab, cell), axis=1), axis=0)[:, 0]
-    slabs, counts = np.unique(own, return_counts=True)
-    many = slabs[counts >= _STOREY_SHARE * len(np.unique(cell))]
-    if not len(many) or (many[-1] - many[0]) * _SLAB_M < _STOREY_M:
-        return nothing, nothing
-    floor = points_m[:, 2] < (many[0] + 2) * _SLAB_M
-    between = ~floor & (points_m[:, 2] < (many[-1] - 1) * _SLAB_M)
-    if len(np.unique(cell[between])) < _UPRIGHT_SHARE * len(np.unique(cell)):
-        return nothing, nothing
-    return floor, between
+    return _painted([(where, OCCUPIED)])
 
 
 def _markers(message: Any) -> Raster | None:
-    """Lines as they run, cubes as large as they are; translucent cubes are free space, all else is a wall."""
+    """Lines as they run, cubes as large as they are: walls, except in the namespace of free space."""
     shown: dict[tuple[str, int], Any] = {}
     for marker in message.markers:
         if marker.action == _DELETE_ALL:
@@ -221,14 +194,13 @@ def _markers(message: Any) -> Raster | None:
 
 def _drawn(marker: Any, cell_m: float) -> tuple[NDArray[np.float64], int]:
     """Points (n, 2) of one marker in the map's frame, so close that no cell is missed, and what they are."""
-    own = _own(marker)
+    own, kind = _own(marker), FREE if marker.ns == _FREE_SPACE else OCCUPIED
     if marker.type == _LINE_STRIP:
         own = np.stack((own[:-1], own[1:]), axis=1).reshape(-1, 2)
     if marker.type in (_LINE_STRIP, _LINE_LIST):
-        return _placed(marker, _along(own, cell_m)), OCCUPIED
+        return _placed(marker, _along(own, cell_m)), kind
     if marker.type != _CUBE_LIST:
-        return _placed(marker, own), OCCUPIED
-    kind = FREE if 0.0 < marker.color.a < _SOLID else OCCUPIED
+        return _placed(marker, own), kind
     return _placed(marker, _filled(own, (marker.scale.x, marker.scale.y), cell_m)), kind
 
 
@@ -283,8 +255,8 @@ def _painted(parts: Sequence[tuple[NDArray[np.float64], int]]) -> Raster | None:
     return Raster(cells, float(low[0]), float(low[1]), cell_m)
 
 
-_MAKERS: Final[Mapping[str, Callable[[Any], Raster | None]]] = {
+_MAKERS: Final[Mapping[str, Callable[[Any], Raster | None]]] = {  # that which says most first
     "nav_msgs/msg/OccupancyGrid": _grid,
-    "sensor_msgs/msg/PointCloud2": _cloud,
     "visualization_msgs/msg/MarkerArray": _markers,
+    "sensor_msgs/msg/PointCloud2": _cloud,
 }
