@@ -70,6 +70,9 @@ class Heard:
         """The counts without those that have cancelled: they say nothing."""
         return {at: n for at, n in sorted(self.counts.items()) if n}
 
+    def most_looks(self) -> int:
+        return max(map(abs, self.counts.values()), default=0)
+
 
 @dataclass(frozen=True)
 class Chart:

@@ -212,6 +212,15 @@ class IgnoresScale(Beacons):
         return super().place(layer, T_receiver_donor)
 
 
+@breaks(laws.BeaconLaws, "placing_makes_no_looks")
+class PlacesTwice(Beacons):
+    """Whatever is placed counts double."""
+
+    def place(self, layer, T_receiver_donor, scale=1.0):
+        placed = super().place(layer, T_receiver_donor, scale)
+        return Heard(Counter({at: 2 * n for at, n in placed.counts.items()}))
+
+
 @breaks(laws.BeaconLaws, "nothing_cannot_be_placed")
 class PlacesNothing(Beacons):
     def place(self, layer, T_receiver_donor, scale=1.0):

@@ -322,7 +322,13 @@ def _classes_only(layer, made):
     return made
 
 
-@converts("nothing_converts_to_nothing", "the_result_is_of_the_target")
+@converts("converting_makes_no_looks")
+def _doubled(layer, made):
+    made.counts = Counter({at: 2 * n for at, n in made.counts.items()})
+    return made
+
+
+@converts("nothing_converts_to_nothing", "the_result_is_of_the_target", "converting_makes_no_looks")
 def _something_always(layer, made):
     made.counts[0] += 1 if not made.evidence() else 0
     return made

@@ -1,10 +1,11 @@
 """Everything a plugin sees of mapgraft: values, protocols, ``hookimpl`` and the errors it may raise."""
 
 from mapgraft.contracts.exchange import Meeting, Policy, Situation
-from mapgraft.contracts.geometry import Matrix4, Points, Transform
+from mapgraft.contracts.geometry import ROTATION_STEP, Matrix4, Points, Transform
 from mapgraft.contracts.maps import (
     Contribution,
     Conversion,
+    CountedLayer,
     Donation,
     Exactness,
     Layer,
@@ -76,6 +77,7 @@ __all__ = [
     "CONTRACT",
     "GRID_MESSAGE",
     "RECENT_SAMPLES",
+    "ROTATION_STEP",
     "SCAN",
     "Acceptor",
     "Candidate",
@@ -85,6 +87,7 @@ __all__ = [
     "ConfigError",
     "Contribution",
     "Conversion",
+    "CountedLayer",
     "Covariance",
     "Decision",
     "DecisionTableError",

@@ -10,8 +10,9 @@ from mapgraft.contracts import Conversion, EmptyMapError, Layer, MapError, MapTy
 from mapgraft.errors import MapgraftError
 from mapgraft.testing.laws import BrokenLawError, Drawing, law, require
 from mapgraft.testing.scenes import describe
-from mapgraft.testing.supply import Supply, layer_of, require_moved, scene_of
+from mapgraft.testing.supply import Supply, layer_of, require_moved, require_no_more_looks, scene_of
 
+_NOT_COUNTED = "the layers of the two types do not both tell how often their units were seen (CountedLayer)"
 _NOTHING_STANDS = "nothing stands in any of the converted maps"
 
 
@@ -98,6 +99,13 @@ class ConversionLaws(Supply):
         drawing.reached()
         same = target.encode(made[0]) == target.encode(made[1])
         require(not same, "the same evidence seen twice converts to the same layer as seen once")
+
+    @law("converting makes no looks: no unit was seen more often than one was before", vacuous=_NOT_COUNTED)
+    def test_converting_makes_no_looks(self, drawing: Drawing) -> None:
+        kind, target, scene = self.make_map_type(), self.make_target(), scene_of(self, drawing)
+        layer = layer_of(kind, scene.own)
+        if require_no_more_looks(layer, self._convert(layer, target), "converted,"):
+            drawing.reached()
 
     @law("an empty layer converts to an empty one, or raises EmptyMapError")
     def test_nothing_converts_to_nothing(self, drawing: Drawing) -> None:

@@ -13,12 +13,14 @@ from mapgraft.testing.supply import (
     contributed,
     layer_of,
     require_moved,
+    require_no_more_looks,
     require_same_map,
     same_region,
     scene_of,
 )
 
 _SCALE = 1.25
+_CLOSER = 0.5  # four or eight units come to lie in one
 _STEP = np.zeros((4, 4))
 _STEP[0, 3] = 2.0**-18  # metres: a quarter of the step of the fixed point
 
@@ -79,6 +81,21 @@ class PlacingLaws(Supply):
             return
         there = map_type.structure(map_type.view(placed))
         require_moved(T.apply(here * _SCALE), there, _SCALE * self.tolerance_m(map_type), self.placed_share)
+
+    @law(
+        "placing makes no looks: no unit was seen more often than one was before, also where several fall into one",
+        vacuous="its layers do not tell how often their units were seen (CountedLayer)",
+    )
+    def test_placing_makes_no_looks(self, drawing: Drawing) -> None:
+        map_type, scene, T = self.make_map_type(), scene_of(self, drawing), drawing.draw(self.moves())
+        layer = layer_of(self.make_donor_map_type(), scene.donor)
+        for scale in (1.0, _CLOSER):
+            try:
+                placed = map_type.place(layer, T, scale)
+            except MapError:  # empty, or of a type that cannot be scaled
+                continue
+            if require_no_more_looks(layer, placed, f"placed at scale {scale:g} and {describe(T)},"):
+                drawing.reached()
 
     @law("an empty layer cannot be placed: EmptyMapError")
     def test_nothing_cannot_be_placed(self, drawing: Drawing) -> None:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from mapgraft.contracts import (
     SCAN,
     Contribution,
+    CountedLayer,
     Donation,
     EmptyMapError,
     Fuser,
@@ -138,6 +139,15 @@ def require_same_map(supply: Supply, map_type: MapType, found: Map, wanted: Map,
         map_type, wanted
     )
     require(same, lambda: f"{clause} ({found.known()} units known, {wanted.known()} expected)")
+
+
+def require_no_more_looks(before: Layer, after: Layer, clause: str) -> bool:
+    """Raise ``BrokenLawError`` where a unit was seen more often afterwards; False where the layers do not tell."""
+    if not (isinstance(before, CountedLayer) and isinstance(after, CountedLayer)):
+        return False
+    most, found = before.most_looks(), after.most_looks()
+    require(found <= most, f"{clause} a unit was seen {found} times, of which none was seen more than {most} times")
+    return True
 
 
 def require_moved(wanted: Points, found: Points, tolerance_m: float, share: float, share_again: float = 0.5) -> None:
