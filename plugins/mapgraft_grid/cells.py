@@ -8,6 +8,7 @@ type.
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -33,8 +34,10 @@ __all__ = [
     "Window",
     "added",
     "cells_at",
+    "cells_inside",
     "cells_of",
     "centres_m",
+    "lattice_of",
     "layer_of_cells",
     "layer_of_window",
     "most",
@@ -155,7 +158,12 @@ def window_of(layer: Layer, first_cell: tuple[int, int], shape: tuple[int, int])
     return out
 
 
-def cells_at(points_m: Points, lattice: Lattice) -> Cells:
+def lattice_of(target: MapType) -> Lattice:
+    """The lattice of a target's new layers; raises MapError when it is no ``OccupancyGrid`` instance."""
+    return _new(target).lattice
+
+
+def cells_at(points_m: NDArray[np.floating], lattice: Lattice) -> Cells:
     """The cells (n, 2) in which points (n, 2) lie; raises MapError beyond ±2³⁰ cells and where one is not finite."""
     index = np.floor((points_m - np.array(lattice.anchor_m)) / lattice.resolution_m)
     if not np.isfinite(index).all():
@@ -169,6 +177,23 @@ def centres_m(cells: Cells, lattice: Lattice) -> Points:
     """The centres (n, 2) of cells."""
     centres: Points = np.array(lattice.anchor_m) + (cells + 0.5) * lattice.resolution_m
     return centres
+
+
+def cells_inside(corners_m: NDArray[np.floating], side_m: float, lattice: Lattice) -> tuple[Cells, NDArray[np.intp]]:
+    """The cells (k, 2) whose centres lie in squares of ``side_m`` with lower left corners (n, 2), and in which (k,).
+
+    For evidence that tells of squares of another size: squares that do not overlap share no cell, and cells larger than
+    the squares are told of by the one at their centre.
+    """
+    low = (corners_m - np.array(lattice.anchor_m)) / lattice.resolution_m
+    across = side_m / lattice.resolution_m
+    steps = np.arange(math.ceil(across) + 1)
+    first = np.ceil(low - 0.5)  # centres lie at whole numbers and a half
+    _require_reach(first)
+    spread = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
+    cells = first.astype(np.int64)[:, None] + spread
+    inside = (cells + 0.5 < low[:, None] + across).all(axis=2)
+    return cells[inside], np.nonzero(inside)[0]
 
 
 def added(cells: Cells, counts: CellCounts) -> tuple[Cells, CellCounts]:
@@ -217,11 +242,16 @@ def _empty(
     sensors: frozenset[str],
     mapper: str,
 ) -> GridLayer:
-    layer = target.new_layer()
-    if not isinstance(layer, GridLayer):
-        raise MapError(f"counts of cells make a layer of occupancy_grid, found the type {target.name}: name another")
+    layer = _new(target)
     layer.lattice, layer.sensor_model = lattice or layer.lattice, sensor_model or layer.sensor_model
     layer.observations, layer.sensors, layer.mapper = observations, sensors, mapper
+    return layer
+
+
+def _new(target: MapType) -> GridLayer:
+    layer = target.new_layer()
+    if not isinstance(layer, GridLayer):
+        raise MapError(f"counts of cells make an occupancy_grid, found the target {target.name}: name another `via`")
     return layer
 
 

@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.contracts import EmptyMapError, Layer, MapError, MapType
+from mapgraft_grid.cells import HITS, MISSES, GridLayer, window_of
 from mapgraft_grid.grid_map import FREE, OCCUPIED, DenseGrid
-from mapgraft_grid.kernels.tile_keys import TILE, tile_x, tile_y
-from mapgraft_grid.layer import GridLayer
 from mapgraft_grid.map_type import OccupancyGrid
-from mapgraft_grid.region import GridRegion
 from mapgraft_lines.kernels import tracing
 from mapgraft_lines.kernels.chopping import DIRECTION, HEAVIEST, UNIT, UNIT_M
 from mapgraft_lines.kernels.keys import LIMIT, STEPS_PER_M
@@ -37,17 +35,23 @@ class GridToLines:
     An occupied cell lies on a line when those within 0.35 m (3 cells in coarse grids) do. It tells of the wall as many
     observations as it has hits, with the uncertainty of its size. A wall with free space on one side only was seen from
     that side. A cell of the line map is free where most of the grid's cells in it are, and none is occupied; it was
-    looked through as often as these have misses, on average. What is occupied and lies on no line is left out.
+    looked through as often as these have misses, on average. What is occupied and lies on no line is left out. Occupied
+    and free is what the robot that mapped the grid takes for it.
     """
 
     def convert(self, layer: Layer, source: MapType, target: MapType) -> LineLayer:
-        """A line layer with the target's cells; MapError when one of the two is of another type."""
-        if not isinstance(layer, GridLayer):
-            raise MapError(f"occupancy grids convert to line_segments, found a layer of {layer.map_type}")
+        """A line layer with the target's cells, of the grid as the source reads it.
+
+        Raises MapError when one of the three is of another type, or the grid is too large.
+        """
+        if not isinstance(layer, GridLayer) or not isinstance(source, OccupancyGrid):
+            raise MapError(
+                f"occupancy grids convert to line_segments, found a layer of {layer.map_type} read as {source.name}"
+            )
         lines = _new_layer(target)
         lines.observations, lines.sensors, lines.mapper = layer.observations, layer.sensors, CONVERTED
         try:
-            seen = OccupancyGrid(resolution_m=layer.lattice.resolution_m).view(layer).dense()
+            seen = source.view(layer).dense()
         except EmptyMapError:
             return lines
         _require_reach(seen, lines.cell_m)
@@ -65,16 +69,8 @@ def _new_layer(target: MapType) -> LineLayer:
 
 def _counts(layer: GridLayer, seen: DenseGrid) -> tuple[Counts, Counts]:
     """Hits and misses in the rectangle of the dense grid; evidence that has no counts is that of one look."""
-    height, width = seen.classes.shape
-    hits, misses = np.zeros((2, height, width), np.int64)
-    keys = np.sort(layer.pool.index.keys)
-    for key, tile_hits, tile_misses in zip(keys.tolist(), *layer.pool.counts(keys), strict=True):
-        x, y = TILE * tile_x(key) - seen.origin_cell[0], TILE * tile_y(key) - seen.origin_cell[1]
-        rows, columns = slice(max(y, 0), min(y + TILE, height)), slice(max(x, 0), min(x + TILE, width))
-        if rows.start < rows.stop and columns.start < columns.stop:
-            part = (slice(rows.start - y, rows.stop - y), slice(columns.start - x, columns.stop - x))
-            hits[rows, columns], misses[rows, columns] = tile_hits[part], tile_misses[part]
-    return np.maximum(hits, seen.classes == OCCUPIED), np.maximum(misses, seen.classes == FREE)
+    counts = window_of(layer, seen.origin_cell, seen.classes.shape)
+    return np.maximum(counts[HITS], seen.classes == OCCUPIED), np.maximum(counts[MISSES], seen.classes == FREE)
 
 
 def _pieces(seen: DenseGrid, hits: Counts, cell_m: float) -> Table:
@@ -124,23 +120,6 @@ def _space(seen: DenseGrid, misses: Counts, cell_m: float) -> Table:
     kept &= (known >= KNOWN_SHARE * inside) & (empty > 0)
     counts = np.maximum((looks[kept] + empty[kept] // 2) // np.maximum(empty[kept], 1), 1)
     return Table(table.keys[kept], counts[:, None])
-
-
-def _cells_near(region: GridRegion, cell_m: float) -> NDArray[np.int64]:
-    """The cells (n, 2) of the line map that a region's cells, or what lies within 0.35 m or 3 cells of them, touch."""
-    side = TILE * region.lattice.resolution_m
-    reach = max(NEAR_M, LEAST_RADIUS * region.lattice.resolution_m) + region.lattice.resolution_m
-    found = [np.empty((0, 2), np.int64)]
-    for key, bits in zip(region.keys.tolist(), region.rows, strict=True):
-        columns = np.unpackbits(bits.view(np.uint8).reshape(TILE, 8), axis=1, bitorder="little")
-        y, x = np.nonzero(columns)
-        corner = np.array(region.lattice.anchor_m) + np.array([tile_x(key), tile_y(key)]) * side
-        low = corner + np.column_stack((x, y)) * region.lattice.resolution_m
-        steps = math.ceil((2.0 * reach + region.lattice.resolution_m) / cell_m) + 1
-        first = np.floor((low - reach) / cell_m).astype(np.int64)
-        spread = np.stack(np.meshgrid(np.arange(steps), np.arange(steps), indexing="ij"), axis=-1).reshape(-1, 2)
-        found.append(np.unique((np.unique(first, axis=0)[:, None] + spread).reshape(-1, 2), axis=0))
-    return np.unique(np.concatenate(found), axis=0)
 
 
 def _require_reach(seen: DenseGrid, cell_m: float) -> None:

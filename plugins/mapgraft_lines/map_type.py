@@ -111,6 +111,11 @@ class LineSegments:
         return self._cell_m
 
     @property
+    def reading(self) -> Reading:
+        """How evidence is read."""
+        return self._reading
+
+    @property
     def resampler(self) -> str:
         """What ``Contribution.resampler`` says of a layer placed by this type."""
         return RESAMPLER

@@ -20,8 +20,10 @@ from mapgraft_grid.cells import (
     SensorModel,
     added,
     cells_at,
+    cells_inside,
     cells_of,
     centres_m,
+    lattice_of,
     layer_of_cells,
     layer_of_window,
     most,
@@ -128,6 +130,23 @@ def test_points_lie_in_the_cells_whose_centres_are_told() -> None:
     assert np.array_equal(cells_at(np.array([[0.09, 0.2]]), lattice), [[-1, 0]])
 
 
+@settings(max_examples=60, deadline=None)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.sampled_from([0.0731, 0.2517, 0.613]),
+    st.tuples(st.floats(0, 0.09), st.floats(0, 0.09)),
+)
+def test_squares_hold_the_cells_whose_centres_lie_in_them(seed: int, side_m: float, anchor_m: Any) -> None:
+    lattice = Lattice(0.1, anchor_m)
+    squares = np.unique(np.random.default_rng(seed).integers(-9, 9, (8, 2)), axis=0)
+    cells, square = cells_inside(squares * side_m, side_m, lattice)
+    near = np.stack(np.meshgrid(np.arange(-70, 70), np.arange(-70, 70)), axis=-1).reshape(-1, 2)
+    held = np.floor(centres_m(near, lattice) / side_m).astype(np.int64)
+    expected = {(*cell, n) for n, one in enumerate(squares) for cell in near[(held == one).all(axis=1)].tolist()}
+    assert {(*cell, n) for cell, n in zip(map(tuple, cells.tolist()), square.tolist(), strict=True)} == expected
+    assert len(np.unique(cells, axis=0)) == len(cells)
+
+
 @pytest.mark.parametrize(
     ("cells", "counts", "said"),
     [
@@ -152,8 +171,9 @@ def test_windows_beyond_reach_and_with_less_than_nothing_are_refused() -> None:
 
 def test_other_types_are_refused() -> None:
     lines = LineSegments()
-    with pytest.raises(MapError, match="found the type line_segments"):
-        layer_of_cells(lines, np.zeros((1, 2), np.int64), np.ones((1, 2), np.int64))
+    for make in (lattice_of, lambda kind: layer_of_cells(kind, np.zeros((1, 2), np.int64), np.ones((1, 2), np.int64))):
+        with pytest.raises(MapError, match="found the target line_segments"):
+            make(lines)
     for read in (cells_of, lambda layer: window_of(layer, (0, 0), (1, 1))):
         with pytest.raises(MapError, match="found one of line_segments"):
             read(lines.new_layer())

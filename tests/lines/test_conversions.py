@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from mapgraft.contracts import MapError, Transform
+from mapgraft_grid.cells import cells_of
 from mapgraft_grid.grid_map import FREE, OCCUPIED
 from mapgraft_grid.map_type import OccupancyGrid
 from mapgraft_lines.grid_to_lines import GridToLines
@@ -63,8 +64,7 @@ def test_counts_survive(look):
     grids = OccupancyGrid(resolution_m=0.1)
     scans = [look(ROOM, (2.0, 1.5, 0.0)) for _ in range(7)]
     drawn = LinesToGrid().convert(mapped(LINES, scans), LINES, grids)
-    hits, misses = drawn.pool.counts(np.sort(drawn.pool.index.keys))
-    assert hits.max() == 7 and misses.max() == 7
+    assert cells_of(drawn)[1].max(axis=0).tolist() == [7, 7]
     traced = GridToLines().convert(mapped(grids, scans), grids, LINES)
     assert traced.own.pieces.counts[:, 0].max() == 7
     assert traced.own.space.counts.max() == 7
@@ -85,6 +85,26 @@ def test_a_turned_map_converts_to_a_turned_grid(office):
     assert share_near(T.apply(straight), turned, 0.2) > 0.97
 
 
+def test_grids_are_read_as_the_robot_that_mapped_them_does(look):
+    """A wall that was seen twice is none for a robot that asks for more, and its free space takes many looks."""
+    careful, quick = OccupancyGrid(occupied=0.95), OccupancyGrid(free=0.4)
+    grid = mapped(quick, [look(ROOM, (2.0, 1.5, 0.1 * k), beams=720) for k in range(2)])
+    assert LINES.view(GridToLines().convert(grid, quick, LINES)).walls.lengths_m.sum() > 15.0
+    assert len(GridToLines().convert(grid, careful, LINES).own.pieces) == 0
+    assert len(GridToLines().convert(grid, quick, LINES).own.space) > 100
+    assert len(GridToLines().convert(grid, careful, LINES).own.space) == 0
+
+
+def test_lines_are_read_as_the_robot_that_mapped_them_does(look):
+    """Where a robot takes a wall for gone, what was looked through counts, but not where it takes it for standing."""
+    grids, lasting = OccupancyGrid(resolution_m=0.1), LineSegments(share_min=0.0)
+    beams = np.stack(np.meshgrid(np.arange(0.1, 6.0, 0.2), np.arange(-0.3, 4.0, 0.2)), axis=-1).reshape(-1, 2)
+    gone = from_segments(LINES, ROOM[:1], looks=1, free_m=beams, free_looks=20)
+    walls = [cells_of(LinesToGrid().convert(gone, kind, grids)) for kind in (LINES, lasting)]
+    misses = [counts[counts[:, 0] > 0, 1] for _, counts in walls]
+    assert len(misses[0]) > 50 and (misses[0] == 20).all() and (misses[1] == 0).all()
+
+
 def test_too_large_a_grid_is_refused_in_one_sentence():
     lines = from_segments(LINES, ROOM * 400.0)
     with pytest.raises(MapError, match="take a coarser one"):
@@ -103,7 +123,13 @@ def test_other_types_are_refused():
         (GridToLines(), LINES.new_layer(), LINES),
     ):
         with pytest.raises(MapError):
-            conversion.convert(layer, target, target)
+            conversion.convert(layer, LINES if isinstance(conversion, LinesToGrid) else grids, target)
+    for conversion, layer, source, target in (
+        (LinesToGrid(), LINES.new_layer(), grids, grids),
+        (GridToLines(), grids.new_layer(), LINES, LINES),
+    ):
+        with pytest.raises(MapError, match="read as"):
+            conversion.convert(layer, source, target)
 
 
 def test_nothing_converts_to_nothing():

@@ -70,5 +70,5 @@ def test_converting_is_repeatable(layer: LandmarkLayer) -> None:
 
 
 def test_another_target_is_refused(layer: LandmarkLayer) -> None:
-    with pytest.raises(MapError, match="convert to occupancy_grid, found point_landmarks"):
+    with pytest.raises(MapError, match="found the target point_landmarks"):
         GridConversion().convert(layer, TYPE, TYPE)
