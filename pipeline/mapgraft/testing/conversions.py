@@ -47,13 +47,14 @@ class ConversionLaws(Supply):
         anew = other.encode(self._convert(layer_of(self.make_map_type(), scene.own), other))
         require(anew == once, "another instance converts an equal layer differently")
 
-    @law("the result is a layer of the target: of its type, in its resolution, and usable as one")
+    @law("the result is a layer of the target: of its type, in its resolution if the scale is known, and usable as one")
     def test_the_result_is_of_the_target(self, drawing: Drawing) -> None:
-        target, scene = self.make_target(), scene_of(self, drawing)
-        made = self._convert(layer_of(self.make_map_type(), scene.own), target)
+        kind, target, scene = self.make_map_type(), self.make_target(), scene_of(self, drawing)
+        layer = layer_of(kind, scene.own)
+        made = self._convert(layer, target)
         require(made.map_type == target.name, f"it is of type {made.map_type!r}, asked was {target.name!r}")
         told, wanted = target.metadata(made), target.metadata(target.new_layer())
-        same = told.resolution_m == wanted.resolution_m
+        same = told.resolution_m == wanted.resolution_m or not kind.metadata(layer).scale_known
         require(same, f"its resolution is {told.resolution_m} m, the target's {wanted.resolution_m} m")
         data = target.encode(made)
         require(target.encode(target.decode(data)) == data, "it changes when it is encoded and decoded")
