@@ -11,12 +11,9 @@ from numpy.typing import NDArray
 from mapgraft.contracts import Layer, MapError, MapType
 from mapgraft_floorplan.layer import STEP_M, as_layer
 from mapgraft_floorplan.plan import Segments
-from mapgraft_grid.kernels.tile_keys import TILE, tile_key
-from mapgraft_grid.layer import READY_MADE, GridLayer
+from mapgraft_grid.cells import READY_MADE, GridLayer, Lattice, layer_of_window
 from mapgraft_grid.map_type import OccupancyGrid
-from mapgraft_grid.parameters import Lattice
 
-MAPPER: Final = READY_MADE
 MOST_CELLS: Final = 60_000_000
 CELLS_ACROSS: Final = 1_000  # of a plan whose scale is not known: its cells can have any size
 GAPS_M: Final = (0.1, 0.3, 0.5, 0.65, 0.8)  # half the gaps that may be open in the outer walls, tried in this order
@@ -51,22 +48,32 @@ class PlanToGrid:
 
     A wall has as many hits and a room as many misses as the target's sensor model needs to call them occupied and free:
     classes to match and compare by. How little of that enters a fused map is the fuser's affair.
-    A plan of unknown scale comes on cells of a thousandth of its extent, because nobody knows how large the target's
-    would be.
+    A plan of unknown scale comes in its own units, on cells of a thousandth of its extent: nobody knows how large the
+    target's would be in it.
     """
 
     def convert(self, layer: Layer, source: MapType, target: MapType) -> GridLayer:
         """Raises MapError when the target is no occupancy grid, or its cells are too fine for so large a plan."""
-        plan, grid = as_layer(layer), _new_grid(target)
-        segments = plan.told.segments_m
-        if not plan.scale_known and len(segments):
-            span_m = float((segments.reshape(-1, 2).max(axis=0) - segments.reshape(-1, 2).min(axis=0)).max())
-            grid.lattice = Lattice(max(span_m / CELLS_ACROSS, STEP_M))
-        raster = rasterise(segments, grid.lattice, plan.scale_known)
-        hits, misses = _counts(grid, target)
-        _fill(grid, raster, hits, misses)
-        grid.observations, grid.sensors, grid.mapper = plan.observations, plan.sensors, MAPPER
-        return grid
+        plan = as_layer(layer)
+        if not isinstance(target, OccupancyGrid):
+            raise MapError(f"this conversion makes occupancy grids of floor plans, found the target {target.name}")
+        empty, segments = target.new_layer(), plan.told.segments_m
+        lattice = empty.lattice if plan.scale_known or not len(segments) else _own_lattice(segments)
+        raster = rasterise(segments, lattice, plan.scale_known)
+        model, limits = empty.sensor_model, target.thresholds
+        hits, misses = -(-limits.occupied // model.l_hit), -(limits.free // -model.l_miss)
+        counts = np.zeros((2, *raster.classes.shape), np.min_scalar_type(max(hits, misses)))
+        counts[0][raster.classes == WALL] = hits
+        counts[1][raster.classes == ROOM] = misses
+        return layer_of_window(
+            target,
+            raster.first,
+            counts,
+            lattice=lattice,
+            observations=plan.observations,
+            sensors=plan.sensors,
+            mapper=READY_MADE,
+        )
 
 
 def rasterise(segments_m: Segments, lattice: Lattice, scale_known: bool) -> Raster:
@@ -148,27 +155,7 @@ def _window(segments_m: Segments, lattice: Lattice) -> tuple[tuple[int, int], tu
     return (int(low[0]), int(low[1])), (height, width)
 
 
-def _counts(grid: GridLayer, target: MapType) -> tuple[int, int]:
-    """The least hits and misses that the target reads as occupied and as free."""
-    model = grid.sensor_model
-    limits = target.thresholds if isinstance(target, OccupancyGrid) else OccupancyGrid().thresholds
-    return -(-limits.occupied // model.l_hit), -(limits.free // -model.l_miss)
-
-
-def _fill(grid: GridLayer, raster: Raster, hits: int, misses: int) -> None:
-    """Count walls and rooms into an empty layer."""
-    (ix, iy), (height, width) = raster.first, raster.classes.shape
-    classes = np.pad(raster.classes, ((iy % TILE, -(iy + height) % TILE), (ix % TILE, -(ix + width) % TILE)))
-    up, across = classes.shape[0] // TILE, classes.shape[1] // TILE
-    tiles = classes.reshape(up, TILE, across, TILE).swapaxes(1, 2).reshape(-1, TILE, TILE)
-    numbers = np.flatnonzero(tiles.any(axis=(1, 2)))
-    keys = np.array([tile_key(ix // TILE + n % across, iy // TILE + n // across) for n in numbers.tolist()], np.int64)
-    some = tiles[numbers]
-    grid.pool.set_counts(keys, np.uint32(hits) * (some == WALL), np.uint32(misses) * (some == ROOM))
-
-
-def _new_grid(target: MapType) -> GridLayer:
-    layer = target.new_layer()
-    if not isinstance(layer, GridLayer):
-        raise MapError(f"this conversion makes occupancy grids of floor plans, found the target {target.name}")
-    return layer
+def _own_lattice(segments_m: Segments) -> Lattice:
+    """Cells of a thousandth of the longer side of what is drawn."""
+    ends = segments_m.reshape(-1, 2)
+    return Lattice(max(float((ends.max(axis=0) - ends.min(axis=0)).max()) / CELLS_ACROSS, STEP_M))

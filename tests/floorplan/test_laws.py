@@ -33,12 +33,12 @@ HERE = Transform.identity()
 
 
 @st.composite
-def plans(draw: st.DrawFn) -> Observation:
+def plans(draw: st.DrawFn, scale_known: bool = True) -> Observation:
     """A drawing of a room, some of its walls left out."""
     segments = draw(rooms()).segments()
     kept = draw(st.lists(st.booleans(), min_size=len(segments), max_size=len(segments)))
     walls = segments[np.array(kept)] if any(kept) else segments
-    return Observation("robot", 0, 0, "plan.svg", PLAN, Plan(walls), HERE, HERE)
+    return Observation("robot", 0, 0, "plan.svg", PLAN, Plan(walls, scale_known), HERE, HERE)
 
 
 class Plans(Supply):
@@ -70,6 +70,15 @@ class TestPlanToGrid(Plans, ConversionLaws):
 
     def make_conversion(self) -> Conversion:
         return PlanToGrid()
+
+
+class TestPlansOfUnknownScaleToGrid(TestPlanToGrid):
+    """Their cells are theirs, whatever the target's are."""
+
+    examples: ClassVar[int] = 4
+
+    def observations(self) -> st.SearchStrategy[Observation]:
+        return plans(scale_known=False)
 
 
 class TestPlanToLines(Plans, ConversionLaws):
