@@ -1,4 +1,4 @@
-"""Whole missions with clouds: found, said, mapped, merged, taken out again; with a grid robot; without the extra."""
+"""Whole missions with clouds: found, said, mapped, merged, taken out again; without the extra."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from mapgraft.contracts import ConfigError, RecordingError, Transform
 from mapgraft.decision import build_table, facts_of
 from mapgraft.plugins import load_plugins
 from mapgraft_cloud.map_type import PointCloud
-from mapgraft_recordings.buildings import building, record
-from mapgraft_recordings.buildings.carmen import write_carmen
+from mapgraft_recordings.buildings import building
 from mapgraft_recordings.buildings.cloud_messages import cloud_messages, first_place
 from mapgraft_recordings.buildings.spatial import record_spatial
 from mapgraft_recordings.simulator.messages import Message
@@ -82,23 +81,6 @@ def test_two_cloud_robots_merge_and_are_parted_exactly(
     assert other.keys() == {"ada.pcd", "bob.pcd"}
     assert len(merged) > 2
     assert reverted.maps["ada"].layer == never.maps["ada"].layer
-
-
-def test_a_grid_robot_and_a_cloud_robot_take_each_other_in(
-    recordings: tuple[list[Path], dict[str, Transform]], tmp_path: Path
-) -> None:
-    paths, places = recordings
-    log = tmp_path / "eve.log"
-    write_carmen(log, record(building(SEED), 1, 120), 1)
-    result = mapgraft.run([paths[0], log], AT_THE_END)
-    standing = {(event.receiver, event.donor): event for event in result.standing.values()}
-    assert set(standing) == {("ada", "eve"), ("eve", "ada")}
-    truth = places["ada"].inverse()
-    event = standing["ada", "eve"]
-    assert event.T_receiver_donor is not None
-    apart_m, apart_deg = displaced(event.T_receiver_donor, truth, places["ada"].matrix[None, :3, 3])
-    assert apart_m < 0.3
-    assert apart_deg < 2.0
 
 
 def with_scans(paths: list[Path], folder: Path) -> Path:
@@ -181,7 +163,7 @@ def test_without_the_extra_the_matchers_say_what_to_install(monkeypatch: pytest.
 
 
 def facts(own: str, other: str) -> dict[str, Any]:
-    area = {"known_area_m2": 100.0, "free_space": True}
+    area = {"known_area_m2": 100.0, "free_space": True, "wall_m": 50.0}
     return {
         **{f"own.{k}": v for k, v in {"type": own, **area}.items()},
         **{f"other.{k}": v for k, v in {"type": other, **area}.items()},
@@ -198,6 +180,8 @@ def facts(own: str, other: str) -> dict[str, Any]:
         ("point_cloud", "point_cloud", "clouds that know what is free"),
         ("occupancy_grid", "point_cloud", "a cloud into a grid"),
         ("point_cloud", "occupancy_grid", "a grid into a cloud"),
+        ("point_cloud", "line_segments", "line segments into a cloud"),
+        ("line_segments", "point_cloud", "a cloud into line segments"),
     ],
 )
 def test_every_pair_has_its_rule(own: str, other: str, rule: str) -> None:
@@ -205,10 +189,3 @@ def test_every_pair_has_its_rule(own: str, other: str, rule: str) -> None:
     ruling = build_table(load_plugins()).choose(facts(own, other))
     assert ruling.rule is not None
     assert ruling.rule.name == rule
-
-
-@pytest.mark.parametrize(("own", "other"), [("point_cloud", "line_segments"), ("line_segments", "point_cloud")])
-def test_clouds_and_segments_have_a_rule_or_a_reason(own: str, other: str) -> None:
-    ruling = build_table(load_plugins()).choose(facts(own, other))
-    assert ruling.rule is not None
-    assert ruling.rule.reject is None or "occupancy_grid" in ruling.rule.reject

@@ -30,14 +30,14 @@ MEET = {  # receiver, donor: as what
     ("occupancy_grid", "floor_plan"): "occupancy_grid",
     ("point_cloud", "occupancy_grid"): "occupancy_grid",
     ("point_cloud", "point_cloud"): "point_cloud",
+    ("point_cloud", "line_segments"): "occupancy_grid",
+    ("line_segments", "point_cloud"): "occupancy_grid",
     ("line_segments", "occupancy_grid"): "line_segments",
     ("line_segments", "line_segments"): "line_segments",
     ("line_segments", "floor_plan"): "occupancy_grid",
 }
 WHY = {  # a word that only a reason can have that is about these two
-    ("point_cloud", "line_segments"): "no height",
     ("point_cloud", "floor_plan"): "how high its walls",
-    ("line_segments", "point_cloud"): "no sightings of segments",
     **{("floor_plan", other): "takes in nothing" for other in MAPS},
 }
 
