@@ -17,6 +17,9 @@ from mapgraft_cloud.surface import thinned
 _FEWEST_PAIRS: Final = 6  # correspondences that hold together
 _SOLUTIONS: Final = 3  # of one set of correspondences: what the first leaves is solved again
 _COARSER: Final = 1.6  # the second size of cubes
+MOST_POINTS: Final = 40_000  # that features are made of
+_MOST_NOISE_M: Final = 0.99  # beyond 1 m the library takes 1 m and writes so on the terminal
+_LARGER: Final = 1.25  # the next size of cubes for clouds of more
 _UPRIGHT_GUESSES: Final = 6
 _RIVALS_RAD: Final = (math.pi / 2, math.pi, -math.pi / 2)  # rooms look alike after a quarter turn
 _LARGEST_M: Final = 10.0
@@ -25,7 +28,8 @@ _LARGEST_M: Final = 10.0
 class Kiss:
     """Finds how two clouds lie without knowing anything beforehand.
 
-    First guesses come from KISS-Matcher at cubes of ``voxel_m`` and 1.6 times that, again from the correspondences that
+    First guesses come from KISS-Matcher at cubes of ``voxel_m``, or of the larger voxels of the two maps where these
+    are larger still, and 1.6 times that; huge maps get larger cubes. More guesses come from the correspondences that
     its solution does not explain, from the best of them turned by quarter turns about the middle of the donor's map,
     and with ``aligned`` (both z axes point up) from walls seen from above in all turns and shifts. small_gicp refines
     each; the agreement of the surfaces, in square metres, decides (see ``Gicp``, which also tells the evidence). So
@@ -56,7 +60,8 @@ class Kiss:
 
     def _guesses(self, pair: Pair) -> list[Transform]:
         guesses = []
-        for voxel_m in (self.voxel_m, self.voxel_m * _COARSER):
+        finest_m = max(self.voxel_m, pair.target.voxel_m, pair.source.voxel_m)
+        for voxel_m in (finest_m, finest_m * _COARSER):
             guesses += kiss_guesses(pair.target.points_m, pair.source.points_m, voxel_m, self.aligned)
         if self.aligned:
             guesses += wall_columns.guesses(pair.target.surface, pair.source.surface, _UPRIGHT_GUESSES)
@@ -78,15 +83,26 @@ def _turned(pair: Pair, T: Transform) -> list[Transform]:
 def kiss_guesses(target_m: Points, source_m: Points, voxel_m: float, aligned: bool) -> list[Transform]:
     """What KISS-Matcher makes of two clouds (n, 3), and of the correspondences that are left over each time.
 
-    The clouds are thinned and the correspondences sorted here, because the library does both in the order in which its
-    threads come by.
+    The clouds are thinned to one point in a cube of ``voxel_m``, larger where more than ``MOST_POINTS`` of one of them
+    would be left. They are thinned and the correspondences sorted here, because the library does both in the order in
+    which its threads come by.
     """
     import kiss_matcher
 
-    config = kiss_matcher.KISSMatcherConfig(voxel_m, use_voxel_sampling=False, use_quatro=aligned)
+    clouds = [thinned(points, voxel_m) for points in (source_m, target_m)]
+    while max(map(len, clouds)) > MOST_POINTS:
+        voxel_m *= _LARGER
+        clouds = [thinned(points, voxel_m) for points in (source_m, target_m)]
+    config = kiss_matcher.KISSMatcherConfig(
+        voxel_m,
+        use_voxel_sampling=False,
+        use_quatro=aligned,
+        robin_noise_bound_gain=min(1.0, _MOST_NOISE_M / voxel_m),
+        solver_noise_bound_gain=min(0.75, _MOST_NOISE_M / voxel_m),
+    )
     matcher = kiss_matcher.KISSMatcher(config)
-    clouds = [thinned(points, voxel_m).astype(np.float32) for points in (source_m, target_m)]
-    ends = [np.asarray(found, np.float32).reshape(-1, 3) for found in matcher.match(*clouds)]
+    found_ends = matcher.match(*(cloud.astype(np.float32) for cloud in clouds))
+    ends = [np.asarray(end, np.float32).reshape(-1, 3) for end in found_ends]
     pairs = np.hstack(ends)
     pairs = pairs[np.lexsort(pairs.T[::-1])]
     found: list[Transform] = []
