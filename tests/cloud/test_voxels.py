@@ -227,7 +227,7 @@ def test_bytes_that_are_no_layer_are_refused(drives: tuple[CloudLayer, CloudLaye
 def test_the_map_is_shown_and_written(drives: tuple[CloudLayer, CloudLayer]) -> None:
     kind = PointCloud()
     seen = kind.view(drives[0])
-    (message,) = kind.messages(seen)
+    message, _ = kind.messages(seen)
     assert message.message_type == "sensor_msgs/msg/PointCloud2"
     assert message.fields["width"] == len(seen.points_m)
     assert list(kind.files(seen, "map")) == ["map.pcd"]
