@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft_lines.gate import Gate
+from mapgraft_grid.gate import Gate
 from mapgraft_lines.kernels import voting
 from mapgraft_lines.scene import Poses, Scene
 
@@ -51,10 +51,10 @@ def rotations(target: Scene, source: Scene, gate: Gate | None) -> list[float]:
     yaws = [math.remainder((k + _vertex(alike, k)) * math.tau / BINS, math.tau) for k in kept]
     if gate is None:
         return yaws
-    inside = [yaw for yaw in yaws if abs(math.remainder(yaw - gate.pose[2], math.tau)) <= gate.half_yaw_rad]
+    inside = [yaw for yaw in yaws if gate.admits_yaw(yaw)]
     steps = math.floor(gate.half_yaw_rad / GATE_STEP_RAD)
     if 2 * steps + 1 <= GATE_ROTATIONS:
-        inside += [float(gate.pose[2]) + n * GATE_STEP_RAD for n in range(-steps, steps + 1)]
+        inside += [gate.yaw_rad + n * GATE_STEP_RAD for n in range(-steps, steps + 1)]
     return inside
 
 
@@ -71,7 +71,7 @@ def _shifts(target: Scene, source: Scene, yaw_rad: float, gate: Gate | None) -> 
     fixed = target.ends.reshape(-1, 2)
     low, high = fixed.min(axis=0) - turned.max(axis=0), fixed.max(axis=0) - turned.min(axis=0)
     if gate is not None:
-        reach = np.sqrt(np.diag(gate.shape)) + SHIFT_M
+        reach = np.sqrt(np.diag(gate.half)) + SHIFT_M
         place = gate.place_m - target.centre_m
         low, high = np.maximum(low, place - reach), np.minimum(high, place + reach)
         if (high < low).any():

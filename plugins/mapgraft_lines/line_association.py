@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.contracts import ConfigError, Map, MapError, Match, Points, Prior, Transform
+from mapgraft_grid.gate import Gate
 from mapgraft_lines.alignment import Fit, aligned, fit_of, planar_covariance
 from mapgraft_lines.crossing import crossing_m
-from mapgraft_lines.gate import Gate
 from mapgraft_lines.hypotheses import propose
 from mapgraft_lines.kernels.explaining import AGAINST, EXPLAINED, FULL, LENGTH, SQUARES
 from mapgraft_lines.line_map import as_map
@@ -79,7 +79,7 @@ class LineAssociation:
         found = self._distinct(ours, theirs, self._aligned(ours, theirs, gate))
         asked: dict[str, float] = {}
         if gate is not None:
-            told = both_ways(ours, theirs, _centred(gate.pose[None], ours, theirs), ACROSS_M)
+            told = both_ways(ours, theirs, _asked(gate, ours), ACROSS_M)
             asked["prior_score"] = float(self._scores(told)[0])
         return [self._match(ours, theirs, found, rank, asked) for rank in range(len(found))]
 
@@ -87,14 +87,14 @@ class LineAssociation:
         """The best proposals, aligned; within the gate."""
         rough = propose(ours, theirs, gate)
         if gate is not None:
-            rough = np.concatenate((_centred(gate.pose[None], ours, theirs), rough))
+            rough = np.concatenate((_asked(gate, ours), rough))
         some, others = ours.longest(PROPOSING), theirs.longest(PROPOSING)
         scores = self._scores(both_ways(some, others, rough, ACROSS_M))
         rough = rough[np.argsort(-scores, kind="stable")[:ALIGNED]]
         exact = np.array([aligned(some, others, pose) for pose in rough]).reshape(-1, 3)
         if gate is None:
             return exact
-        inside = gate.admits(_uncentred(exact, ours, theirs))
+        inside = gate.admits(exact + np.array([*ours.centre_m, 0.0]))
         return np.where(inside[:, None], exact, rough)
 
     def _scores(self, told: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -169,16 +169,13 @@ def _placed(points: Points, pose: NDArray[np.float64]) -> Points:
     return placed
 
 
-def _centred(poses: Poses, ours: Scene, theirs: Scene) -> Poses:
-    """Poses of T_target_source between the two centres."""
-    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    x, y = theirs.centre_m
-    shift = np.column_stack((c * x - s * y, s * x + c * y))
-    return np.column_stack((poses[:, :2] + shift - ours.centre_m, poses[:, 2]))
+def _asked(gate: Gate, ours: Scene) -> Poses:
+    """The pose (1, 3) between the two centres at which the prior says that the source lies."""
+    return np.array([[*(gate.place_m - ours.centre_m), gate.yaw_rad]])
 
 
 def _uncentred(poses: Poses, ours: Scene, theirs: Scene) -> Poses:
-    """The inverse of ``_centred``."""
+    """Poses between the two centres as those of T_target_source."""
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     x, y = theirs.centre_m
     shift = np.column_stack((c * x - s * y, s * x + c * y))

@@ -45,6 +45,7 @@ from mapgraft.contracts.plugin import CONTRACT, Descriptor, Register, RegisterRu
 from mapgraft.contracts.sources import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText, Source
 from mapgraft.contracts.verification import (
     RECENT_SAMPLES,
+    Anew,
     Comparison,
     Finding,
     LocalTracker,
@@ -80,6 +81,7 @@ __all__ = [
     "ROTATION_STEP",
     "SCAN",
     "Acceptor",
+    "Anew",
     "Candidate",
     "Channel",
     "Cloud",

@@ -129,6 +129,22 @@ class Tracker(Protocol):
     def update(self, step: Step) -> Measurement: ...
 
 
+class Anew:
+    """The tracker of metrics that look at both maps as they are, whatever has happened since: it measures anew.
+
+    What costs much is kept with the maps by those who compute it.
+    """
+
+    __slots__ = ("_comparison", "_measure")
+
+    def __init__(self, comparison: Comparison, measure: Callable[[Comparison], Measurement]) -> None:
+        self._comparison = comparison
+        self._measure = measure
+
+    def update(self, step: Step) -> Measurement:
+        return self._measure(self._comparison)
+
+
 @runtime_checkable
 class LocalTracker(Tracker, Protocol):
     """A tracker that looks at a part of the receiver's map only, and need not be asked while that stays as it is.

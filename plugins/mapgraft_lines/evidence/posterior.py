@@ -10,8 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
-from mapgraft.contracts import Comparison, ConfigError, Measurement
-from mapgraft_lines.evidence.anew import Anew
+from mapgraft.contracts import Anew, Comparison, ConfigError, Measurement
 from mapgraft_lines.evidence.features import features_of
 from mapgraft_lines.evidence.standing import standing_of
 from mapgraft_lines.kernels.explaining import STEP_M

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from mapgraft.contracts import Comparison, Measurement
-from mapgraft_lines.evidence.anew import Anew
+from mapgraft.contracts import Anew, Comparison, Measurement
 from mapgraft_lines.evidence.standing import Standing, standing_of
 from mapgraft_lines.kernels.explaining import STEP_M
 
