@@ -11,13 +11,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft.contracts import ConfigError, Map, MapError, Match, Points, Prior, Transform
-from mapgraft.contracts.merging import Covariance
+from mapgraft.contracts import ConfigError, Covariance, Map, MapError, Match, Points, Prior, Transform
 from mapgraft_floorplan.evidence_table import Agreement, agreement
 from mapgraft_floorplan.kernels.fitting import information
 from mapgraft_floorplan.scaled import PlanGrid
 from mapgraft_floorplan.search import THOROUGH, Poses, Range, search
-from mapgraft_grid.gate import Gate
 from mapgraft_grid.grid_map import GridMap
 from mapgraft_grid.prepared import Prepared, canonical_m, prepare, thinned
 from mapgraft_grid.refinement import Field, distance_field
@@ -51,6 +49,8 @@ class PlanCorrelation:
     (histograms of directions); shifts are all, by FFT on cells of 0.25 m. The best are refined on ever finer cells and
     by robust least squares over x, y, yaw and the scale.
 
+    A prior tells where the plan's origin lies and how it is turned; an unknown scale stays open.
+
     The score is the log likelihood ratio (nats) of how cells meet at right against wrong places, on cells of 0.1 m or
     the robot's when they are coarser (``evidence_table``): furniture and doors in a plan's rooms weigh little. The
     margin is over the best other hypothesis, which lies elsewhere by 10° or by 2.5 m in the mean.
@@ -58,7 +58,7 @@ class PlanCorrelation:
     Evidence: ``agreement``, ``missing`` (walls of the plan in free space), ``added`` (walls of the robot in rooms) in
     cells of ``resolution_m``; ``common_m``, the length of the plan's walls that the robot has, too; ``scale`` and,
     where it was searched, ``sigma_scale``, its standard deviation relative to it; ``scales_searched``; ``prior_score``
-    with a prior. The covariance is of the walls' fit.
+    with a prior, if the scale is known. The covariance is of the walls' fit.
     """
 
     def __init__(self, *, scale: str | Sequence[float] = "known", returned: int = 4) -> None:
@@ -73,17 +73,15 @@ class PlanCorrelation:
         a, b = _grid("target", target), _grid("source", source)
         robot, plan = prepare(a, canonical_m(a.resolution_m), "target"), _plan(b)
         scales = self._range or extents(robot, plan)
-        if prior is not None and scales.most > scales.least:
-            prior = None  # where a plan of unknown scale lies says little as long as it may be of any size
-        gate = None if prior is None else Gate.of(prior, plan.centre)
         field = distance_field(a)
-        poses = search(robot, field, plan, scales, gate)
+        poses = search(robot, field, plan, scales, prior)
         if not len(poses):
             return []
         found = _distinct(robot, plan, poses, scales, self.returned)
         asked: dict[str, float] = {"scales_searched": float(len(scales.steps()))}
-        if prior is not None:
-            asked["prior_score"] = agreement(robot, plan.at(1.0, robot.unit_m), prior.T_receiver_donor).log_ratio
+        if prior is not None and scales.most == scales.least:
+            placed = plan.at(scales.least, robot.unit_m)
+            asked["prior_score"] = agreement(robot, placed, prior.T_receiver_donor).log_ratio
         return [_told(robot, plan, field, found, rank, scales, asked) for rank in range(len(found))]
 
 

@@ -6,8 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from mapgraft.contracts import EmptyMapError, MapError, Transform
-from mapgraft.contracts.geometry import ROTATION_STEP
+from mapgraft.contracts import ROTATION_STEP, EmptyMapError, MapError, Transform
 from mapgraft_floorplan.layer import FARTHEST, STEP_M, PlanLayer, Walls
 
 RESAMPLER: Final = "ends/1"  # both ends of a piece are moved and rounded

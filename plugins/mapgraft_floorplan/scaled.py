@@ -25,6 +25,7 @@ _SAME: Final = 1.01  # relative difference up to which cells are not made coarse
 class PlanGrid:
     """A plan's grid in its own units: classes from ``origin`` (x, y) on, its walls (n, 2), their middle and reach.
 
+    ``rooms`` (m, 2) are its free cells and ``clear`` (m,) how far each lies from the nearest wall.
     ``field`` are distances to walls in those units at the centres of cells of ``field_unit`` from ``corner``, which is
     counted from the middle. ``directions`` tells along which directions the walls run.
     """
@@ -34,6 +35,7 @@ class PlanGrid:
     origin: NDArray[np.float64]
     walls: Points
     rooms: Points
+    clear: NDArray[np.float64]
     centre: NDArray[np.float64]
     radius: float
     field: NDArray[np.float32]
@@ -53,10 +55,10 @@ class PlanGrid:
         radius = math.sqrt(float(((walls - centre) ** 2).sum(axis=1).max()))
         field, field_unit, corner = _field(dense.classes, unit, origin)
         rooms = _centres(dense.classes == FREE, unit, origin)
+        clear = unit * _away(dense.classes == OCCUPIED)[dense.classes == FREE].astype(np.float64)
         directions = histogram(dense.classes, max(SOFT_CELLS, max(dense.classes.shape) / _SOFT_ACROSS))
-        return cls(
-            dense.classes, unit, origin, walls, rooms, centre, radius, field, field_unit, corner - centre, directions
-        )
+        shown = walls, rooms, clear, centre, radius
+        return cls(dense.classes, unit, origin, *shown, field, field_unit, corner - centre, directions)
 
     def at(self, scale: float, unit_m: float) -> Prepared:
         """The plan stretched by ``scale``, on cells of ``unit_m`` or, where its own are then larger, on those."""
@@ -74,14 +76,18 @@ class PlanGrid:
 def _field(
     classes: Classes, unit: float, origin: NDArray[np.float64]
 ) -> tuple[NDArray[np.float32], float, NDArray[np.float64]]:
-    import cv2
-
     ratio = max(1.0, max(classes.shape) / _MOST_CELLS)
     walls = (coarsen(classes, ratio) if ratio > 1.0 else classes) == OCCUPIED
     side = unit * ratio
-    padded = np.pad(walls, _MARGIN_CELLS)
-    distances = cv2.distanceTransform((~padded).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
-    return np.asarray(distances * np.float32(side), np.float32), side, origin - _MARGIN_CELLS * side
+    distances = _away(np.pad(walls, _MARGIN_CELLS)) * np.float32(side)
+    return np.asarray(distances, np.float32), side, origin - _MARGIN_CELLS * side
+
+
+def _away(walls: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """How far each cell lies from the nearest wall, in cells."""
+    import cv2
+
+    return np.asarray(cv2.distanceTransform((~walls).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5), np.float32)
 
 
 def _centres(wanted: NDArray[np.bool_], unit: float, origin: NDArray[np.float64]) -> Points:

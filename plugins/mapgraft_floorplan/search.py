@@ -10,7 +10,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from mapgraft.contracts import Points
+from mapgraft.contracts import Points, Prior
 from mapgraft_floorplan.directions import histogram, turns
 from mapgraft_floorplan.evidence_table import FACTORS
 from mapgraft_floorplan.kernels.fitting import fit
@@ -27,6 +27,7 @@ FINE: Final = 2  # canonical cells across the finer level's
 RING: Final = 0.4  # what a plan's wall beside a wall tells, as a share of one upon it
 STEP: Final = 0.035  # of the log of the scale
 PER_TURN: Final = 6  # local maxima that are kept of each rotation and scale
+PER_TURN_KNOWN: Final = 40  # of each rotation, where the scale is known
 KEPT: Final = 240
 PER_SCALE: Final = 10
 KEPT_FINE: Final = 60
@@ -64,8 +65,11 @@ class Range(NamedTuple):
         return [float(scale) for scale in np.geomspace(self.least, self.most, count)]
 
 
-def search(robot: Prepared, field: Field, plan: PlanGrid, scales: Range, gate: Gate | None = None) -> Poses:
-    """The poses with the highest log likelihood ratios, some dozens, fitted; only those that were within the gate.
+def search(robot: Prepared, field: Field, plan: PlanGrid, scales: Range, prior: Prior | None = None) -> Poses:
+    """The poses with the highest log likelihood ratios, some dozens, fitted; only those that were within the prior.
+
+    A prior tells where the plan's origin lies and how it is turned; what that leaves of places for its middle depends
+    on the scale.
 
     What is best on coarse cells at one scale need not be so at another, so of each scale some are kept. They are fitted
     to the walls before they are compared on finer cells: half a step of scale moves a far wall by more than a cell.
@@ -78,7 +82,9 @@ def search(robot: Prepared, field: Field, plan: PlanGrid, scales: Range, gate: G
     each = PER_SCALE if free else KEPT
     found = []
     for scale in steps:
-        poses = _at_scale(coarse, _stretched(sample, scale, robot.unit_m), plan, scale, yaws, gate)
+        here = _stretched(sample, scale, robot.unit_m, CLEAR_CELLS * coarse.unit_m)
+        gate = None if prior is None else Gate.of(prior, scale * plan.centre)
+        poses = _at_scale(coarse, here, plan, scale, yaws, PER_TURN if free else PER_TURN_KNOWN, gate)
         found.append(_best(poses, each, coarse.unit_m, STEP))
     poses = fitted(field, plan, np.concatenate(found), QUICK, free)
     poses = _best_of_bands(_best(_scored(fine, sample, robot.unit_m, poses), len(poses), fine.unit_m, 0.5 * STEP))
@@ -115,30 +121,36 @@ def _level(robot: Prepared, factor: int) -> Level:
 
 
 class _Points(NamedTuple):
-    """Some walls and room cells of a plan from its centre, and how much of it each stands for: length, area."""
+    """Some walls and room cells of a plan from its centre, these with their distances to walls.
+
+    ``length`` and ``area`` are how much of the plan each stands for.
+    """
 
     walls: Points
     rooms: Points
+    clear: NDArray[np.float64]
     length: float
     area: float
 
 
 def _sampled(plan: PlanGrid) -> _Points:
-    walls, rooms = thinned(plan.walls - plan.centre, POINTS[0]), thinned(plan.rooms - plan.centre, POINTS[1])
+    walls = thinned(plan.walls - plan.centre, POINTS[0])
+    rooms = thinned(np.column_stack((plan.rooms - plan.centre, plan.clear)), POINTS[1])
     length = len(plan.walls) * plan.unit / max(1, len(walls))
-    return _Points(walls, rooms, length, len(plan.rooms) * plan.unit**2 / max(1, len(rooms)))
+    area = len(plan.rooms) * plan.unit**2 / max(1, len(rooms))
+    return _Points(walls, np.ascontiguousarray(rooms[:, :2]), rooms[:, 2], length, area)
 
 
-def _stretched(points: _Points, scale: float, unit_m: float) -> Sample:
-    """The points at a scale; weights in cells of the robot's canonical size."""
+def _stretched(points: _Points, scale: float, unit_m: float, clear_m: float) -> Sample:
+    """The points at a scale, without rooms nearer to walls than that; weights in the robot's canonical cells."""
     weights = points.length * scale / unit_m, points.area * scale**2 / unit_m**2
-    return Sample(points.walls * scale, points.rooms * scale, weights)
+    return Sample(points.walls * scale, points.rooms[points.clear * scale > clear_m] * scale, weights)
 
 
 def _at_scale(
-    coarse: Level, sample: Sample, plan: PlanGrid, scale: float, yaws: Sequence[float], gate: Gate | None
+    coarse: Level, sample: Sample, plan: PlanGrid, scale: float, yaws: Sequence[float], count: int, gate: Gate | None
 ) -> Poses:
-    """The best local maxima at one scale of some rotations, and of half a turn more."""
+    """The best ``count`` local maxima at one scale of each of some rotations, and of half a turn more."""
     unit_m = coarse.unit_m
     reach = math.ceil(plan.radius * scale / unit_m) + 1
     height, width = (scipy.fft.next_fast_len(max(n + reach, 2 * reach + 1), real=True) for n in coarse.on_wall.shape)
@@ -156,7 +168,7 @@ def _at_scale(
             scores *= within[..., None]  # what scores nothing is no peak, and hides none
         for half in range(2):
             if admitted[half]:
-                places, values = peaks(scores, half, PER_TURN, 0.0)
+                places, values = peaks(scores, half, count, 0.0)
                 rows = np.column_stack((places, np.full(len(places), turned[half]), values)).astype(np.float64)
                 out.append(np.insert(unwrapped(rows, coarse, reach, shape, gate), 3, scale, axis=1))
     return np.concatenate(out) if out else np.empty((0, 5))
@@ -166,7 +178,7 @@ def _scored(fine: Level, points: _Points, unit_m: float, poses: Poses) -> Poses:
     """The poses with what they score on fine cells."""
     out = poses.copy()
     for number, pose in enumerate(poses):
-        sample = _stretched(points, float(pose[3]), unit_m)
+        sample = _stretched(points, float(pose[3]), unit_m, CLEAR_CELLS * fine.unit_m)
         start = pose[None, :3].copy()
         start[:, :2] = (start[:, :2] - fine.origin_m) / fine.unit_m
         walls, rooms = sample.walls / fine.unit_m, sample.free / fine.unit_m

@@ -85,6 +85,21 @@ def test_a_prior_restricts_the_search_and_tells_its_score(walls: NDArray[np.floa
     assert not PlanCorrelation().match(robot_map, source, elsewhere)
 
 
+def test_a_prior_gates_plans_of_unknown_scale(walls: NDArray[np.float64], robot_map: GridMap) -> None:
+    """Where a plan's origin lies and how it is turned can be known while nobody knows its scale."""
+    source, T = plan_map(walls, 25.0, 0.31, False)
+    sure = np.diag([0.04, 0.04, 0.0, 0.0, 0.0, 0.0004])
+    matcher = PlanCorrelation(scale="unknown")
+    best = matcher.match(robot_map, source, Prior(T, sure, "a person"))[0]
+    assert best.scale == pytest.approx(0.31, rel=0.01)
+    assert best.T_receiver_donor.difference(T)[0] < 0.2
+    turned = Prior(T @ Transform.planar(0.0, 0.0, math.pi / 2), sure, "a person")
+    for match in matcher.match(robot_map, source, turned):
+        shift_m, turn_rad = match.T_receiver_donor.difference(turned.T_receiver_donor)
+        assert shift_m < 2.0  # 3.5 sigmas, and what the fit moves
+        assert turn_rad < 0.3
+
+
 def test_equal_maps_give_equal_matches(walls: NDArray[np.float64], robot_map: GridMap) -> None:
     source, _ = plan_map(walls, 33.0, 0.7, False)
     one, other = (PlanCorrelation(scale="unknown").match(robot_map, source) for _ in range(2))
