@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 import xml.parsers.expat
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -17,20 +16,20 @@ from numpy.typing import NDArray
 from mapgraft.contracts import MapError
 from mapgraft_floorplan.plan import Plan, plan_of, require_few
 from mapgraft_floorplan.svg_shapes import DRAWN, Affine, affine_of, polylines
+from mapgraft_floorplan.svg_viewport import Size, nested, sheet_of
 from mapgraft_floorplan.units import believable, told_unit
 
 LARGEST: Final = 128_000_000  # bytes
 DEEPEST: Final = 200  # elements inside each other
-_METRES: Final = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72.0, "pc": 0.0254 / 6.0, "q": 2.5e-4, "m": 1.0}
-_LENGTH: Final = re.compile(r"\s*([0-9.eE+-]+)\s*([a-zA-Z%]*)\s*")
 _NOT_SHOWN: Final = frozenset({"defs", "symbol", "clipPath", "mask", "pattern", "marker", "text", "style", "metadata"})
 _LEFT_OUT: Final = frozenset({"use", "image", "text"})
 
 
 class _Group(NamedTuple):
-    """An open element: how its content lies, whether it is shown, and whether it is in a selected layer."""
+    """An open element: how its content lies, its viewport, and whether it is shown and in a selected layer."""
 
     M: Affine
+    size: Size
     shown: bool
     selected: bool
 
@@ -47,6 +46,7 @@ class _Drawing:
     labels: dict[str, None] = field(default_factory=dict)
     left_out: dict[str, int] = field(default_factory=dict)
     unit_m: float | None = None
+    doubt: str = ""
 
     def doctype(self, *_: object) -> None:
         raise MapError(
@@ -58,22 +58,23 @@ class _Drawing:
         if not self.open:
             if tag != "svg":
                 raise MapError(f"{self.name} is no SVG drawing: its outermost element is {tag!r}")
-            self.unit_m = _unit_of(given)
+            M, size, self.unit_m, self.doubt = sheet_of(given, self.name)
+            self.open.append(_Group(M, size, not _hidden(given), self.layers is None))
+            return
         if len(self.open) >= DEEPEST:
             raise MapError(f"{self.name} has more than {DEEPEST} elements inside each other: it is no plan")
-        around = self.open[-1] if self.open else _Group(np.eye(3), True, self.layers is None)
+        around = self.open[-1]
         label = given.get("inkscape:label") or given.get("id") or ""
         selected = around.selected
         if tag == "g" and label:
             self.labels[label] = None
             selected = selected or any(fnmatchcase(label, wanted) for wanted in self.layers or ())
         shown = around.shown and tag not in _NOT_SHOWN and not _hidden(given)
-        M = (
-            around.M
-            if tag == "svg" and self.open == []
-            else around.M @ affine_of(given.get("transform", ""), self.name)
-        )
-        self.open.append(_Group(M, shown, selected))
+        M, size = around.M @ affine_of(given.get("transform", ""), self.name), around.size
+        if tag == "svg" and shown:
+            inner, size = nested(given, around.size, self.name)
+            M = M @ inner
+        self.open.append(_Group(M, size, shown, selected))
         if around.shown and tag in _LEFT_OUT:
             self.left_out[tag] = self.left_out.get(tag, 0) + 1
         if shown and selected and tag in DRAWN:
@@ -100,8 +101,9 @@ def read(
     """The walls in an SVG drawing: paths, lines, polylines, polygons, rectangles, circles, ellipses, with transforms.
 
     What is filled counts with its outline, a thick stroke with its middle. ``unit_m`` is the length of one unit of the
-    drawing (of its view box); without it the width and view box tell it where they are in mm, cm, in, pt or pc, unless
-    the walls would then be no larger than paper; else the scale is unknown. ``layers`` are names of groups (id or
+    drawing (of its view box); without it width, height and view box tell it where they are in mm, cm, in, pt or pc,
+    unless the walls would then be no larger than paper; else the scale is unknown. Drawings inside the drawing lie as
+    their view boxes say. ``layers`` are names of groups (id or
     Inkscape's label, with * and ?) whose content alone is read. Raises ConfigError when the unit is impossible,
     MapError when the file is no SVG, has a document type, no walls, or too many.
     """
@@ -119,6 +121,8 @@ def read(
     if drawing.left_out and warn:
         what = ", ".join(f"{count} {tag}" for tag, count in sorted(drawing.left_out.items()))
         warn(f"{path.name} has elements that are not read as walls: {what}")
+    if drawing.doubt and warn:
+        warn(f"{path.name}: {drawing.doubt}")
     if unit is None and drawing.unit_m is not None and len(segments):
         extent = float(np.ptp(segments.reshape(-1, 2), axis=0).max())
         unit = believable(drawing.unit_m, extent, path.name, warn) if math.isfinite(extent) else drawing.unit_m
@@ -150,18 +154,3 @@ def _hidden(given: dict[str, str]) -> bool:
         or "display:none" in style
         or "visibility:hidden" in style
     )
-
-
-def _unit_of(given: dict[str, str]) -> float | None:
-    """The length of one unit of the view box, where width and view box tell it."""
-    found = _LENGTH.fullmatch(given.get("width", ""))
-    if found is None or found[2].lower() not in _METRES:
-        return None
-    try:
-        width_m = float(found[1]) * _METRES[found[2].lower()]
-        box = [float(value) for value in given.get("viewBox", "").replace(",", " ").split()]
-    except ValueError:
-        return None
-    if not box:
-        return 0.0254 / 96.0  # without a view box a unit is a CSS pixel
-    return width_m / box[2] if len(box) == 4 and box[2] > 0.0 and width_m > 0.0 else None

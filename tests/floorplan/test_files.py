@@ -89,6 +89,49 @@ def test_an_svg_without_a_believable_unit_has_no_scale(write: Write, head: str) 
     assert np.ptp(told.segments_m.reshape(-1, 2), axis=0) == pytest.approx([9.0, 5.0])
 
 
+WALL = '<path d="M0 0H9000V5000"/>'
+
+
+@pytest.mark.parametrize(
+    ("how", "size_m", "said"),
+    [
+        ("", (4.5, 2.5), "0.0005 m is taken"),
+        ('preserveAspectRatio="xMinYMax slice"', (9.0, 5.0), "0.001 m is taken"),
+        ('preserveAspectRatio="none"', (9.0, 2.5), "stretched along one axis"),
+    ],
+)
+def test_a_sheet_of_other_proportions_than_its_view_box(
+    write: Write, how: str, size_m: tuple[float, float], said: str
+) -> None:
+    head = f'width="12000mm" height="4000mm" viewBox="0 0 12000 8000" {how}'
+    path, warned = write("a.svg", drawing(WALL, head)), []
+    plan = svg_file.read(path, warn=warned.append)
+    assert np.ptp(plan.segments_m.reshape(-1, 2), axis=0) == pytest.approx(size_m)
+    assert len(warned) == 1
+    assert said in warned[0]
+
+
+@pytest.mark.parametrize(
+    ("inner", "ends_m"),
+    [
+        ('x="1000" y="2000"', [1.0, -2.0, 10.0, -2.0]),
+        ('x="1000" y="2000" width="900" height="900" viewBox="0 0 9000 9000"', [1.0, -2.0, 1.9, -2.0]),
+        ('width="900" height="1000" viewBox="0 0 9000 5000"', [0.0, -0.25, 0.9, -0.25]),  # in the middle
+        ('width="900" height="1000" viewBox="0 0 9000 5000" preserveAspectRatio="xMidYMax"', [0.0, -0.5, 0.9, -0.5]),
+        (
+            'width="900" height="1000" viewBox="0 0 9000 5000" preserveAspectRatio="xMinYMin slice"',
+            [0.0, 0.0, 1.8, 0.0],
+        ),
+        ('width="900" height="1000" viewBox="0 0 9000 5000" preserveAspectRatio="none"', [0.0, 0.0, 0.9, 0.0]),
+        ('width="50%" height="100%" viewBox="0 0 12000 16000" preserveAspectRatio="none"', [0.0, 0.0, 4.5, 0.0]),
+        ('y="1in" viewBox="0 0 12000 8000"', [0.0, -0.096, 9.0, -0.096]),
+    ],
+)
+def test_drawings_inside_a_drawing(write: Write, inner: str, ends_m: list[float]) -> None:
+    found = svg_file.read(write("a.svg", drawing(f"<svg {inner}>{WALL}</svg>")), unit_m=0.001).segments_m
+    assert found[0] == pytest.approx(ends_m)
+
+
 BOMB = '<!DOCTYPE svg [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>' + drawing("<text>&b;</text>")
 OUTSIDE = '<!DOCTYPE svg [<!ENTITY x SYSTEM "file:///etc/passwd">]>' + drawing("<text>&x;</text>")
 
@@ -108,6 +151,10 @@ OUTSIDE = '<!DOCTYPE svg [<!ENTITY x SYSTEM "file:///etc/passwd">]>' + drawing("
             drawing('<line x1="0" x2="1e308" y2="1e308"/><line x1="-1e308" x2="5"/>'),
             "finite|walls .* m from its origin",
         ),
+        (drawing(WALL, 'viewBox="0 0 5"'), "view box '0 0 5' in a.svg is no four numbers"),
+        (drawing(WALL, 'viewBox="0 0 5 0"'), "has no area"),
+        (drawing(f'<svg width="wide">{WALL}</svg>'), "length 'wide' in a.svg cannot be read"),
+        (drawing(f'<svg viewBox="0 0 5 5">{WALL}</svg>', ""), "size nobody tells"),
         (drawing('<g transform="matrix(1,2"><line x2="9"/></g>'), "transform .* cannot be read"),
     ],
 )

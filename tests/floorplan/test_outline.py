@@ -50,7 +50,7 @@ def test_cells_beyond_the_outer_walls_are_counted(
     T = Transform.planar(1.0, -2.0, turn_rad)  # where the plan's frame lies
     plan = plan_grid(T.inverse().apply(walls[:6].reshape(-1, 2)).reshape(-1, 4))
     assert beyond(robot, plan, T)[1:4].sum() == 0  # the notch and the unmapped part change nothing
-    shifted = Transform.planar(4.0, 0.0, 0.0) @ T  # 4 of the 9 m that were mapped stay outside: the plan begins at x = 4
+    shifted = Transform.planar(4.0, 0.0, 0.0) @ T  # of the 9 m that were mapped 4 stay outside
     cells, marks = robot.marked_cells
     x_m = robot.origin_m[0] + (cells[:, 1] + 0.5) * robot.unit_m
     expected = np.bincount(marks[x_m < 4.0 - BEYOND_M], minlength=5)
