@@ -11,7 +11,7 @@ import numpy as np
 
 from mapgraft.contracts import Cloud, ConfigError, MapError
 from mapgraft_cloud.columns import Columns, cloud_of
-from mapgraft_cloud.pcd import read_pcd
+from mapgraft_cloud.pcd import SeenFrom, read_pcd
 from mapgraft_cloud.ply import read_ply
 
 Warn = Callable[[str], None]
@@ -34,7 +34,7 @@ def read(
     """
     path = Path(path)
     origin, unit = _viewpoint(path, viewpoint), _unit(path, unit_m)
-    columns = read_ply(path) if path.name.lower().endswith(".ply") else read_pcd(path)
+    columns, seen_from = (read_ply(path), None) if path.name.lower().endswith(".ply") else read_pcd(path)
     if missing := [axis for axis in "xyz" if axis not in columns]:
         known = ", ".join(columns) or "none"
         raise MapError(f"{path.name} has no {' and no '.join(missing)}: its fields are {known}")
@@ -43,11 +43,18 @@ def read(
         lost = f": none of its {cloud.dropped} points is finite and away from the sensor" if cloud.dropped else ""
         raise MapError(f"{path.name} has no points{lost}")
     if warn:
-        _warn(path, cloud, warn)
+        _warn(path, cloud, None if origin is not None else seen_from, warn)
     return cloud
 
 
-def _warn(path: Path, cloud: Cloud, warn: Warn) -> None:
+def _warn(path: Path, cloud: Cloud, seen_from: SeenFrom, warn: Warn) -> None:
+    if seen_from is not None:
+        place = ", ".join(f"{value:g}" for value in seen_from[:3])
+        warn(
+            f"{path.name} says that it was seen from ({place}) and its points are taken as they stand: if it is a "
+            f"single sweep and they are in one frame with that place, give viewpoint: [{place}], so that free space is "
+            "known"
+        )
     if cloud.dropped:
         warn(f"{path.name}: {cloud.dropped} points are left out, which are not finite or where the sensor is")
     across = float(np.ptp(cloud.points_m, axis=0).max())

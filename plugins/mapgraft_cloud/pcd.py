@@ -16,7 +16,9 @@ from mapgraft_cloud.columns import Columns
 from mapgraft_cloud.text_numbers import numbers_in
 
 Encoding = Literal["ascii", "binary"]
+SeenFrom = tuple[float, ...] | None  # VIEWPOINT: x, y, z, and the quaternion w, x, y, z; None where it says nothing
 
+_NOWHERE: Final = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # what is written where nobody knows a viewpoint
 _KINDS: Final = {"F": "f", "I": "i", "U": "u"}
 _HEADER_LIMIT: Final = 1 << 16  # bytes in which a header must end
 _MOST_POINTS: Final = 1 << 31
@@ -30,6 +32,7 @@ class _Header:
     points: int
     data: str
     start: int
+    seen_from: SeenFrom
 
     @property
     def columns(self) -> list[tuple[str, str]]:
@@ -37,12 +40,15 @@ class _Header:
         return [(name, self.record[name].str) for name in self.record.names or () if not self.record[name].shape]
 
 
-def read_pcd(path: Path) -> Columns:
-    """The columns of a PCD file, fields of several numbers left out; raises MapError when it cannot be read."""
+def read_pcd(path: Path) -> tuple[Columns, SeenFrom]:
+    """The columns of a PCD file, fields of several numbers left out, and where it says that it was seen from.
+
+    Raises MapError when it cannot be read.
+    """
     data = _bytes_of(path)
     try:
         header = _header(data)
-        return _columns(header, data)
+        return _columns(header, data), header.seen_from
     except (ValueError, KeyError, IndexError, OverflowError, struct.error, UnicodeDecodeError) as error:
         raise MapError(f"{path.name} is no PCD file that can be read: {error}") from error
 
@@ -81,7 +87,9 @@ def _header(data: memoryview) -> _Header:
             for k, (name, kind, size, n) in enumerate(zip(fields, said["TYPE"], said["SIZE"], counts, strict=True))
         ]
     )
-    return _Header(record, points, said["DATA"][0].lower(), place)
+    viewpoint = tuple(float(word) for word in said.get("VIEWPOINT", []))
+    seen_from = viewpoint if len(viewpoint) == len(_NOWHERE) and viewpoint != _NOWHERE else None
+    return _Header(record, points, said["DATA"][0].lower(), place, seen_from)
 
 
 def _columns(header: _Header, data: memoryview) -> Columns:

@@ -107,6 +107,18 @@ def test_units_and_viewpoint(tmp_path: Path) -> None:
         read(tmp_path / "map.pcd", viewpoint=(1, 2))
 
 
+def test_a_viewpoint_that_a_file_names_is_told_unless_one_is_given(tmp_path: Path) -> None:
+    path, said = tmp_path / "sweep.pcd", list[str]()
+    path.write_bytes(pcd_bytes(POINTS).replace(b"VIEWPOINT 0 0 0 1 0 0 0", b"VIEWPOINT 4 -2 0.5 1 0 0 0"))
+    assert read(path, warn=said.append).origin_m is None
+    assert len(said) == 1
+    assert "give viewpoint: [4, -2, 0.5]" in said[0]
+    assert read(path, viewpoint=(4, -2, 0.5), warn=said.append).origin_m == (4.0, -2.0, 0.5)
+    path.write_bytes(pcd_bytes(POINTS))
+    read(path, warn=said.append)
+    assert len(said) == 1
+
+
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [

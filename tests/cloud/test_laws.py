@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import pytest
 
-from mapgraft.contracts import CLOUD, SCAN
+from mapgraft.contracts import CLOUD, CLOUD_MAP, SCAN
 from mapgraft.testing import ConversionLaws, FuserLaws, MapTypeLaws, MatcherLaws, MetricLaws
 from mapgraft_cloud.conformance import CloudToGrid, GicpLaws
 from mapgraft_cloud.evidence import CloudContradiction, CloudOverlap
@@ -20,6 +20,17 @@ from mapgraft_grid.map_type import OccupancyGrid
 class TestPointCloud(MapTypeLaws):
     kind: ClassVar[str] = CLOUD
     examples: ClassVar[int] = 8
+
+    def make_map_type(self) -> PointCloud:
+        return PointCloud()
+
+    def make_fuser(self) -> Voxels:
+        return Voxels()
+
+
+class TestReadyMadePointCloud(MapTypeLaws):
+    kind: ClassVar[str] = CLOUD_MAP
+    examples: ClassVar[int] = 5
 
     def make_map_type(self) -> PointCloud:
         return PointCloud()

@@ -47,8 +47,8 @@ def real(shared_data: Path) -> tuple[Cloud, Cloud, Transform]:
     return read(folder / "target.ply"), read(folder / "source.ply"), Transform.from_matrix(matrix)
 
 
-def map_of(cloud: Cloud, T: Transform | None = None, every: int = 1) -> CloudMap:
-    kind, pose = PointCloud(), T or Transform.identity()
+def map_of(cloud: Cloud, T: Transform | None = None, every: int = 1, voxel_m: float = 0.1) -> CloudMap:
+    kind, pose = PointCloud(resolution_m=voxel_m), T or Transform.identity()
     layer = kind.new_layer()
     thin = Cloud(cloud.points_m[::every], origin_m=None)
     kind.integrate(layer, Observation("r", 0, 0, "file", CLOUD_MAP, thin, pose, pose))
@@ -87,6 +87,32 @@ def test_sparse_against_dense(real: tuple[Cloud, Cloud, Transform]) -> None:
         apart_m, apart_deg = errors(found[0], truth @ FAR.inverse())
         assert apart_m < 0.15
         assert apart_deg < 1.0
+
+
+def test_maps_of_large_voxels(real: tuple[Cloud, Cloud, Transform], capfd: pytest.CaptureFixture[str]) -> None:
+    target, source, truth = real
+    found = kiss.Kiss().match(map_of(target, voxel_m=0.8), map_of(source, FAR, voxel_m=0.2))
+    apart_m, apart_deg = errors(found[0], truth @ FAR.inverse())
+    assert apart_m < 0.2
+    assert apart_deg < 1.0
+    assert capfd.readouterr().out == ""  # nor does the library write anything
+
+
+def test_huge_maps_are_thinned_until_they_are_not(
+    real: tuple[Cloud, Cloud, Transform], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target, source, truth = real
+    thinned, sizes = kiss.thinned, list[int]()
+
+    def counting(points: np.ndarray, voxel_m: float) -> np.ndarray:
+        sizes.append(len(thinned(points, voxel_m)))
+        return thinned(points, voxel_m)
+
+    monkeypatch.setattr(kiss, "MOST_POINTS", 2000)
+    monkeypatch.setattr(kiss, "thinned", counting)
+    guesses = kiss.kiss_guesses(target.points_m, source.points_m, 0.3, True)
+    assert max(sizes[-2:]) <= 2000 < max(sizes)
+    assert min(guess.difference(truth)[0] for guess in guesses) < 1.0
 
 
 def test_a_tilted_scan_needs_all_six_degrees_of_freedom(real: tuple[Cloud, Cloud, Transform]) -> None:
