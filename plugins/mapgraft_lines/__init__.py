@@ -20,6 +20,10 @@ _METRICS = {
 }
 
 
+def _laws(*names: str) -> tuple[str, ...]:
+    return tuple(f"mapgraft_lines.conformance:{name}" for name in names)
+
+
 @hookimpl
 def register_map_types(register: Register) -> None:
     register(
@@ -28,6 +32,7 @@ def register_map_types(register: Register) -> None:
             "mapgraft_lines.map_type:LineSegments",
             "walls as straight segments with covariance, from planar scans, grids or ready-made segments",
             observes={SCAN: 10, LINES: 50},
+            laws=_laws("ScannedLines", "ReadySegments"),
         )
     )
 
@@ -73,6 +78,7 @@ def register_conversions(register: Register) -> None:
             "walls drawn as hits, free space as misses",
             accepts=(LINES,),
             gives=GRID,
+            laws=_laws("LinesToGridLaws"),
         )
     )
     register(
@@ -82,6 +88,7 @@ def register_conversions(register: Register) -> None:
             "occupied cells that lie on lines, and free space",
             accepts=(GRID,),
             gives=LINES,
+            laws=_laws("GridToLinesLaws"),
         )
     )
 

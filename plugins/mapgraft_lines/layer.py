@@ -94,6 +94,11 @@ class LineLayer:
         """What was observed and what was baked in."""
         return self.own if self.absorbed.is_empty else self.own.plus(self.absorbed)
 
+    def most_looks(self) -> int:
+        """How often the most seen piece of wall was seen, or the most free cell looked through."""
+        counts = [table.counts[:, LOOKS] for of in (self.own, self.absorbed) for table in (of.pieces, of.space)]
+        return max(int(looks.max(initial=0)) for looks in counts)
+
     def region(self) -> LineRegion:
         """The slots about which there is evidence."""
         if self.absorbed.is_empty:

@@ -97,6 +97,11 @@ class LineMap:
         """The walls, longest first."""
         return self._grown("total", self.total).walls
 
+    def wall_keys(self) -> Keys:
+        """The pieces that lie on the walls, ascending."""
+        found = self._grown("total", self.total)
+        return found.keys[found.wall >= 0]
+
     def side(self, side: Side) -> Walls:
         """The segments of one side alone: ``own`` or ``received``."""
         return self._grown(side, self.own if side == "own" else self.received).walls

@@ -23,10 +23,10 @@ from mapgraft_grid.cells import (
 from mapgraft_grid.parameters import CELL_LIMIT
 from mapgraft_lines.layer import FROM_SCANS as LINES_FROM_SCANS
 from mapgraft_lines.layer import LOOKS, Evidence, as_layer
-from mapgraft_lines.line_map import Reading
+from mapgraft_lines.line_map import LineMap
 from mapgraft_lines.map_type import LineSegments
 from mapgraft_lines.table import Table
-from mapgraft_lines.walls import cell_corners_m, half_lengths_m, piece_rows, standing
+from mapgraft_lines.walls import cell_corners_m, half_lengths_m, piece_rows
 
 BEFORE_WALLS: Final = 1.5  # cells of the line map: as far before a wall, on the seen side, beams came through
 MOST_CELLS: Final = 100_000_000  # samples of walls and cells of free space that are drawn
@@ -35,15 +35,16 @@ MOST_CELLS: Final = 100_000_000  # samples of walls and cells of free space that
 class LinesToGrid:
     """Draws pieces of walls as hits and free space as misses.
 
-    A grid cell through which a piece of wall runs has as many hits as the piece was seen, and no misses where the piece
-    stands. A grid cell whose centre lies in a free cell of the line map has as many misses as that was looked through.
-    Between the two, on the side from which a wall was seen and up to 1.5 cells of the line map before it, a grid cell
-    has as many misses as the wall was seen: its beams came through there. Without free space (a plan, a file of
-    segments) there are hits only. Rays and paths are not kept with lines, so the grid has none.
+    Walls are those of the map as the robot that made it reads it; what it takes for none is not drawn. A grid cell
+    through which a piece of wall runs has as many hits as the piece was seen, and no misses. A grid cell whose centre
+    lies in a free cell of the line map has as many misses as that was looked through. Between the two, on the side from
+    which a wall was seen and up to 1.5 cells of the line map before it, a grid cell has as many misses as the wall was
+    seen: its beams came through there. Without free space (a plan, a file of segments) there are hits only. Rays and
+    paths are not kept with lines, so the grid has none.
     """
 
     def convert(self, layer: Layer, source: MapType, target: MapType) -> GridLayer:
-        """A grid layer with the target's parameters; which pieces stand is as the source reads them.
+        """A grid layer with the target's parameters, of the walls that the source shows.
 
         Raises MapError when one of the three is of another type, or the grid would be too large.
         """
@@ -52,10 +53,9 @@ class LinesToGrid:
             raise MapError(f"line segments are read as their own type says, found a layer to be read as {source.name}")
         evidence = own.all()
         _require_size(evidence, own.cell_m, lattice)
-        drawn, before, still = _walls(evidence, own.cell_m, lattice, source.reading)
-        free = _space(evidence.space, own.cell_m, lattice)
-        hits, misses = _tabled(*drawn), _tabled(*free).without(_tabled(*still).keys)
-        beside = _tabled(*before)
+        drawn, before = _walls(_shown(evidence.pieces, source.view(own)), own.cell_m, lattice)
+        hits, beside = _tabled(*drawn), _tabled(*before)
+        misses = _tabled(*_space(evidence.space, own.cell_m, lattice)).without(hits.keys)
         misses = misses.plus(beside.without(np.union1d(hits.keys, misses.keys)))
         keys = np.union1d(hits.keys, misses.keys)
         return layer_of_cells(
@@ -71,14 +71,15 @@ class LinesToGrid:
 _Drawn = tuple[Cells, NDArray[np.int64]]  # cells and counts
 
 
-def _walls(evidence: Evidence, cell_m: float, lattice: Lattice, reading: Reading) -> tuple[_Drawn, _Drawn, _Drawn]:
-    """The cells of all pieces, those before their seen sides, and those of pieces that stand."""
-    rows, looks = piece_rows(evidence.pieces, cell_m), evidence.pieces.counts[:, LOOKS]
-    stands = np.isin(
-        evidence.pieces.keys,
-        standing(evidence.pieces, evidence.space, reading.looks_min, reading.share_min).keys,
-        assume_unique=True,
-    )
+def _shown(pieces: Table, seen: LineMap) -> Table:
+    """The pieces that lie on walls of the map."""
+    kept = np.isin(pieces.keys, seen.wall_keys(), assume_unique=True)
+    return Table(pieces.keys[kept], pieces.counts[kept])
+
+
+def _walls(pieces: Table, cell_m: float, lattice: Lattice) -> tuple[_Drawn, _Drawn]:
+    """The cells of pieces, and those before their seen sides."""
+    rows, looks = piece_rows(pieces, cell_m), pieces.counts[:, LOOKS]
     half = half_lengths_m(rows)
     counts = np.maximum(np.ceil(4.0 * half / lattice.resolution_m).astype(np.int64), 1)
     piece = np.repeat(np.arange(len(rows)), counts)
@@ -86,16 +87,11 @@ def _walls(evidence: Evidence, cell_m: float, lattice: Lattice, reading: Reading
     along = (2.0 * (nth + 0.5) / counts[piece] - 1.0) * half[piece]
     points = rows[piece, :2] + along[:, None] * rows[piece, 2:4]
     index = cells_at(points, lattice)
-    seen = stands[piece]
-    sided = seen & (rows[piece, 8] > 0.0)
+    sided = rows[piece, 8] > 0.0
     steps = np.arange(0.75, BEFORE_WALLS * cell_m / lattice.resolution_m, 0.5) * lattice.resolution_m
     normals = np.column_stack((-rows[piece, 3], rows[piece, 2]))[sided]
     ahead = (points[sided][:, None] + steps[:, None] * normals[:, None]).reshape(-1, 2)
-    return (
-        (index, looks[piece]),
-        (cells_at(ahead, lattice), np.repeat(looks[piece][sided], len(steps))),
-        (index[seen], looks[piece][seen]),
-    )
+    return (index, looks[piece]), (cells_at(ahead, lattice), np.repeat(looks[piece][sided], len(steps)))
 
 
 def _space(space: Table, cell_m: float, lattice: Lattice) -> _Drawn:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import ClassVar, cast
 
-from mapgraft.contracts import Conversion, Fuser, MapType, Matcher, Metric
+from hypothesis.strategies import SearchStrategy
+
+from mapgraft.contracts import Fuser, MapType, Matcher, Metric, Observation
 from mapgraft.plugins import load_plugins
-from mapgraft.testing import ConversionLaws, FuserLaws, MapTypeLaws, MatcherLaws, MetricLaws, Supply
-from mapgraft_grid.map_type import OccupancyGrid
-from mapgraft_lines.grid_to_lines import GridToLines
+from mapgraft.testing import FuserLaws, MapTypeLaws, MatcherLaws, MetricLaws, Supply
+from mapgraft_lines.conformance import GridToLinesLaws, LinesToGridLaws, ReadySegments, ScannedLines
 from mapgraft_lines.line_association import LineAssociation
-from mapgraft_lines.lines_to_grid import LinesToGrid
-from mapgraft_lines.map_type import LineSegments
+from mapgraft_lines.map_type import SEGMENTS, LineSegments
 from mapgraft_lines.union import LineUnion
 
 PLUGINS = load_plugins()
@@ -25,12 +25,16 @@ class Lines(Supply):
         return LineUnion()
 
 
-class TestMaps(Lines, MapTypeLaws):
-    pass
+class TestScannedMaps(ScannedLines):
+    examples: ClassVar[int] = 5
+
+
+class TestReadyMaps(ReadySegments):
+    examples: ClassVar[int] = 4
 
 
 class TestWeightedMaps(Lines, MapTypeLaws):
-    examples: ClassVar[int] = 8
+    examples: ClassVar[int] = 4
 
     def make_map_type(self) -> MapType:
         return LineSegments(cell_m=0.5, share_min=0.1)
@@ -40,6 +44,7 @@ class TestWeightedMaps(Lines, MapTypeLaws):
 
 
 class TestMatcher(Lines, MatcherLaws):
+    examples: ClassVar[int] = 5
     uses_prior = True
 
     def make_matcher(self) -> Matcher:
@@ -47,10 +52,20 @@ class TestMatcher(Lines, MatcherLaws):
 
 
 class TestFuser(Lines, FuserLaws):
-    pass
+    examples: ClassVar[int] = 6
+
+
+class TestFuserOfReadyMaps(Lines, FuserLaws):
+    kind = SEGMENTS
+    examples: ClassVar[int] = 4
+
+    def observations(self) -> SearchStrategy[Observation] | None:
+        return ReadySegments().observations()
 
 
 class OfLines(Lines, MetricLaws):
+    examples: ClassVar[int] = 4
+
     def make_metric(self) -> Metric:
         return cast("Metric", PLUGINS.make("metric", str(self.metric_name)))
 
@@ -76,20 +91,17 @@ class TestNews(OfLines):
     stream = True
 
 
-class TestLinesToGrid(Lines, ConversionLaws):
-    def make_target(self) -> MapType:
-        return OccupancyGrid(resolution_m=0.1)
-
-    def make_conversion(self) -> Conversion:
-        return LinesToGrid()
+class TestLinesToGrid(LinesToGridLaws):
+    pass
 
 
-class TestGridToLines(ConversionLaws):
-    def make_map_type(self) -> MapType:
-        return OccupancyGrid(resolution_m=0.1)
+class TestReadyLinesToGrid(LinesToGridLaws):
+    kind = SEGMENTS
+    examples: ClassVar[int] = 4
 
-    def make_target(self) -> MapType:
-        return LineSegments()
+    def observations(self) -> SearchStrategy[Observation] | None:
+        return ReadySegments().observations()
 
-    def make_conversion(self) -> Conversion:
-        return GridToLines()
+
+class TestGridToLines(GridToLinesLaws):
+    pass
