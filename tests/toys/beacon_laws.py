@@ -48,10 +48,10 @@ def heard(robot: str, stamp: int, balance: dict[int, int], shift: int = 0) -> Ob
 
 
 @st.composite
-def line_scenes(draw: st.DrawFn, matchable: bool = False) -> Scene:
+def line_scenes(draw: st.DrawFn, matchable: bool = False, least: int = 0, most: int = 4) -> Scene:
     """What two robots have heard along one line: anything, or the same beacons in irregular gaps."""
     if not matchable:
-        balance = st.dictionaries(st.integers(-3, 6), st.integers(-2, 2), max_size=4)
+        balance = st.dictionaries(st.integers(-3, 6), st.integers(-2, 2), min_size=least, max_size=most)
         own, donor = (draw(st.lists(balance, min_size=1, max_size=4)) for _ in range(2))
         shift = 0
     else:
@@ -169,14 +169,22 @@ class Marks(beacons.Beacons):
         return dataclasses.replace(super().metadata(layer), type=self.name)
 
 
+class Doubtful(beacons.Beacons):
+    """Beacons that were heard twice; once is never."""
+
+    def view(self, own, contributions=(), previous=None, touched=None):
+        seen = super().view(own, contributions)
+        return dataclasses.replace(seen, counts={at: n for at, n in seen.counts.items() if abs(n) > 1})
+
+
 class ToMarks:
     """Beacons as marks."""
 
     def convert(self, layer, source, target):
         if not isinstance(layer, beacons.Heard) or target.name != Marks.name:
             raise MapError(f"beacons become marks, asked was {layer.map_type} to {target.name}")
-        made = target.new_layer()
-        made.counts.update(layer.evidence())
+        made, seen = target.new_layer(), source.view(layer).counts
+        made.counts.update({at: n for at, n in layer.evidence().items() if at in seen})
         return made
 
 
@@ -188,6 +196,12 @@ class ToMarksLaws(OnALine, ConversionLaws):
 
     def make_target(self) -> MapType:
         return Marks()
+
+    def make_other_source(self) -> MapType:
+        return Doubtful()
+
+    def scenes(self) -> st.SearchStrategy[Scene]:
+        return line_scenes(least=4, most=9)
 
 
 class Regular:

@@ -322,6 +322,19 @@ def _classes_only(layer, made):
     return made
 
 
+@converts("what_stood_stands_on", "what_stands_stays")
+def _only_near_the_farthest(layer, made):
+    farthest = max(made.counts, default=0)
+    made.counts = Counter({at: n for at, n in made.counts.items() if at > farthest - 6})
+    return made
+
+
+@breaks(laws.ToMarksLaws, "the_source_says_how_it_is_read")
+class ReadsAllAlike(laws.ToMarks):
+    def convert(self, layer, source, target):
+        return super().convert(layer, beacons.Beacons() if isinstance(source, beacons.Beacons) else source, target)
+
+
 @converts("converting_makes_no_looks")
 def _doubled(layer, made):
     made.counts = Counter({at: 2 * n for at, n in made.counts.items()})

@@ -4,26 +4,32 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import numpy as np
 from hypothesis import assume
 
 from mapgraft.contracts import Conversion, EmptyMapError, Layer, MapError, MapType, Transform
 from mapgraft.errors import MapgraftError
 from mapgraft.testing.laws import BrokenLawError, Drawing, law, require
 from mapgraft.testing.scenes import describe
-from mapgraft.testing.supply import Supply, layer_of, require_moved, require_no_more_looks, scene_of
+from mapgraft.testing.supply import Supply, layer_of, near, require_moved, require_no_more_looks, scene_of, share_near
 
 _NOT_COUNTED = "the layers of the two types do not both tell how often their units were seen (CountedLayer)"
+_SEEN_ONCE = "in none of the scenes something stood that was seen more than once"
+_ONE_WAY = "nobody says how else its layers can be read (make_other_source), or nothing reads otherwise so"
 _NOTHING_STANDS = "nothing stands in any of the converted maps"
 
 
 class ConversionLaws(Supply):
     """What a conversion promises; ``make_conversion`` and ``make_target`` must be written beside ``make_map_type``.
 
-    ``make_map_type`` makes the type converted from, ``make_target`` the one converted to.
+    ``make_map_type`` makes the type converted from, ``make_target`` the one converted to, and ``make_other_source``,
+    where it is written, the type converted from with other thresholds. A conversion may leave out what the target has
+    no word for: ``found_share`` of what stands must be found again.
     """
 
     examples: ClassVar[int] = 15
     placed_share: ClassVar[float] = 0.8
+    found_share: ClassVar[float] = 0.5
 
     def make_conversion(self) -> Conversion:
         """A new conversion."""
@@ -32,6 +38,10 @@ class ConversionLaws(Supply):
     def make_target(self) -> MapType:
         """A new instance of the type converted to."""
         raise NotImplementedError(f"{type(self).__name__} needs make_target()")
+
+    def make_other_source(self) -> MapType | None:
+        """A new instance of the type converted from that wants more before something stands in its maps."""
+        return None
 
     @law("converting writes nothing, and equal layers give equal layers")
     def test_converting_is_pure(self, drawing: Drawing) -> None:
@@ -70,7 +80,39 @@ class ConversionLaws(Supply):
         if len(here) < 3 or len(there) < 3:
             return
         drawing.reached()
-        require_moved(here, there, self._tolerance_m(kind, target), self.placed_share)
+        require_moved(here, there, self._tolerance_m(kind, target), self.placed_share, self.found_share)
+
+    @law("what stood in the converted map stands on when more of the place was seen", vacuous=_SEEN_ONCE)
+    def test_what_stood_stands_on(self, drawing: Drawing) -> None:
+        kind, target, scene = self.make_map_type(), self.make_target(), scene_of(self, drawing)
+        some, all_ = layer_of(kind, scene.own[:1]), layer_of(kind, scene.own)
+        near_m = self._tolerance_m(kind, target)
+        before = target.structure(target.view(self._convert(some, target)))
+        before = before[near(before, kind.structure(kind.view(all_)), near_m)]  # what is gone there may go here
+        if len(before) < 3 or len(scene.own) < 2:
+            return
+        drawing.reached()
+        share = share_near(before, target.structure(target.view(self._convert(all_, target))), near_m)
+        require(
+            share >= self.placed_share,
+            f"of what stood in the map of the first observation and stands in the source's still, {share:.0%} stand in "
+            f"the map of all, {self.placed_share:.0%} must",
+        )
+
+    @law(
+        "the source says how its layer is read: what does not stand in its map does not come to stand", vacuous=_ONE_WAY
+    )
+    def test_the_source_says_how_it_is_read(self, drawing: Drawing) -> None:
+        kind, target, scene = self.make_map_type(), self.make_target(), scene_of(self, drawing)
+        if (strict := self.make_other_source()) is None:
+            return
+        layer, near_m = layer_of(kind, scene.own), self._tolerance_m(kind, target)
+        here, seen = kind.structure(kind.view(layer)), strict.structure(strict.view(layer))
+        if np.count_nonzero(~near(here, seen, near_m)) < 3:
+            return
+        drawing.reached()
+        there = target.structure(target.view(self._convert(layer, target, source=strict)))
+        require_moved(seen, there, near_m, self.placed_share, 0.0)
 
     @law("converting a moved map moves the converted one", vacuous=_NOTHING_STANDS)
     def test_converting_moves_along(self, drawing: Drawing) -> None:
@@ -84,7 +126,7 @@ class ConversionLaws(Supply):
         if len(here) < 3 or len(there) < 3:
             return
         drawing.reached()
-        require_moved(T.apply(here), there, self._tolerance_m(kind, target), self.placed_share)
+        require_moved(T.apply(here), there, self._tolerance_m(kind, target), self.placed_share, self.found_share)
 
     @law(
         "counts survive, not only classes: evidence seen twice is not evidence seen once", vacuous="no evidence adds up"
@@ -130,9 +172,11 @@ class ConversionLaws(Supply):
                 continue
             raise BrokenLawError(f"a foreign {what} was taken without a word")
 
-    def _convert(self, layer: Layer, target: MapType, conversion: Conversion | None = None) -> Layer:
+    def _convert(
+        self, layer: Layer, target: MapType, conversion: Conversion | None = None, source: MapType | None = None
+    ) -> Layer:
         try:
-            return (conversion or self.make_conversion()).convert(layer, self.make_map_type(), target)
+            return (conversion or self.make_conversion()).convert(layer, source or self.make_map_type(), target)
         except EmptyMapError:
             assume(False)
             raise

@@ -21,6 +21,8 @@ _SEEN: Final[dict[str, Callable[[Room, float, float, float, int], _Seen]]] = {
 }
 READY_KINDS: Final = tuple(_SEEN)
 """Kinds of observations that the kit can make by itself."""
+SPATIAL_KINDS: Final = frozenset({CLOUD, CLOUD_MAP})
+"""Those of them that tell heights."""
 
 
 def observe(

@@ -64,7 +64,7 @@ class PlacingLaws(Supply):
             return
         drawing.reached()
         there = map_type.structure(map_type.view(map_type.place(layer, T)))
-        require_moved(T.apply(here), there, self.tolerance_m(map_type), self.placed_share)
+        require_moved(T.apply(here), there, self.tolerance_m(map_type), self.placed_share, self.found_share)
 
     @law("a scale is honoured, or refused with MapError", vacuous="no map could be placed")
     def test_a_scale_is_honoured_or_refused(self, drawing: Drawing) -> None:
@@ -80,7 +80,9 @@ class PlacingLaws(Supply):
         except MapError:
             return
         there = map_type.structure(map_type.view(placed))
-        require_moved(T.apply(here * _SCALE), there, _SCALE * self.tolerance_m(map_type), self.placed_share)
+        require_moved(
+            T.apply(here * _SCALE), there, _SCALE * self.tolerance_m(map_type), self.placed_share, self.found_share
+        )
 
     @law(
         "placing makes no looks: no unit was seen more often than one was before, also where several fall into one",

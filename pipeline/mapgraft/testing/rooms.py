@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import Final
@@ -17,6 +18,8 @@ REACH_M: Final = 12.0
 GRID_M: Final = 0.1
 _MARGIN: Final = 5  # cells around a ready-made map
 _POST_CORNERS: Final = 8
+_STEP: Final = 0.7  # of the width
+_LOWER_M: Final = 2.2  # a flight of stairs: the height of a person above it lies below the upper floor
 _SLOPES: Final = (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)  # of the rings of a spinning lidar, up per way
 _FLOOR_M, _CEILING_M = -1.0, 2.0  # seen from it
 
@@ -25,16 +28,24 @@ _FLOOR_M, _CEILING_M = -1.0, 2.0  # seen from it
 class Room:
     """An L-shaped room, its corner in the origin, with an inner wall and round posts; lengths in metres.
 
-    ``wide`` × ``deep`` without the corner ``notch`` (across, up) at the upper right. ``posts`` (x, y, radius).
+    ``wide`` × ``deep`` without the corner ``notch`` (across, up) at the upper right. ``posts`` (x, y, radius). Beyond
+    ``step_x`` the floor lies ``lower`` deeper; walls and posts reach down to it.
     """
 
     wide: float
     deep: float
     notch: tuple[float, float]
     posts: tuple[tuple[float, float, float], ...]
+    lower: float = 0.0
 
     def __str__(self) -> str:
-        return f"a room of {self.wide:g} × {self.deep:g} m with {len(self.posts)} posts"
+        levels = f", a part of it {self.lower:g} m lower" if self.lower else ""
+        return f"a room of {self.wide:g} × {self.deep:g} m with {len(self.posts)} posts{levels}"
+
+    @property
+    def step_x(self) -> float:
+        """Where the floor steps down: right of all places from which a robot looks."""
+        return _STEP * self.wide
 
     @property
     def corners(self) -> list[tuple[float, float]]:
@@ -122,6 +133,12 @@ def rooms(draw: st.DrawFn) -> Room:
     chosen = slots[: draw(st.integers(0, 6))]
     posts = tuple((wide * u, deep * v, 0.08 + 0.03 * (n % 3)) for n, (u, v) in enumerate(chosen))
     return Room(wide, deep, notch, posts)
+
+
+@st.composite
+def stepped(draw: st.DrawFn) -> Room:
+    """The same, in some of them a part of the floor lower than where a robot stands."""
+    return dataclasses.replace(draw(rooms()), lower=draw(st.sampled_from((0.0, _LOWER_M))))
 
 
 @st.composite

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from mapgraft.contracts import Observation, Transform
 from mapgraft.testing.laws import NotTriedError
-from mapgraft.testing.observing import READY_KINDS, observe
-from mapgraft.testing.rooms import poses, rooms
+from mapgraft.testing.observing import READY_KINDS, SPATIAL_KINDS, observe
+from mapgraft.testing.rooms import poses, rooms, stepped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,7 +52,7 @@ def planar_moves(draw: st.DrawFn, reach_m: float = 6.0) -> Transform:
 @st.composite
 def scenes_of(draw: st.DrawFn, kind: str, least: int = 1, most: int = 4, donor_kind: str | None = None) -> Scene:
     """Two robots that look at one little room, each from so many places; for the kinds in ``READY_KINDS``."""
-    room = draw(rooms())
+    room = draw(stepped() if {kind, donor_kind} & SPATIAL_KINDS else rooms())
     T_receiver_donor = draw(planar_moves())
     own = observe(kind, room, draw(poses(room, least, most)), Transform.identity(), "receiver")
     donor = observe(donor_kind or kind, room, draw(poses(room, least, most)), T_receiver_donor.inverse(), "donor")

@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from hypothesis import assume
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from mapgraft.contracts import (
     SCAN,
@@ -45,13 +46,14 @@ class Supply(Laws):
 
     Quantised maps do not move like rigid bodies. ``moved_share`` is the share of what stands in a map that must be
     found within ``tolerance_m`` of its place when the robot's frame lies elsewhere, ``placed_share`` the same of a
-    placed layer (of what stands in the donor's own map half must be found again: placing may merge cells).
+    placed layer, ``found_share`` the share of what stands in the donor's own map that must be found again in it.
     """
 
     kind: ClassVar[str] = SCAN
     donor_kind: ClassVar[str | None] = None
     moved_share: ClassVar[float] = 0.9
     placed_share: ClassVar[float] = 0.9
+    found_share: ClassVar[float] = 0.9
 
     def make_map_type(self) -> MapType:
         """A new instance with the parameters to try: every robot gets one of its own."""
@@ -150,24 +152,28 @@ def require_no_more_looks(before: Layer, after: Layer, clause: str) -> bool:
     return True
 
 
-def require_moved(wanted: Points, found: Points, tolerance_m: float, share: float, share_again: float = 0.5) -> None:
+def require_moved(wanted: Points, found: Points, tolerance_m: float, share: float, share_again: float) -> None:
     """Raise ``BrokenLawError`` unless what is found lies where it is wanted, and what is wanted is found again."""
     for what, points, others, least in (
         ("what stands there", found, wanted, share),
         ("what must stand there", wanted, found, share_again),
     ):
-        near = share_near(points, others, tolerance_m)
-        require(near >= least, f"{near:.0%} of {what} fits within {tolerance_m:.2g} m, {least:.0%} must")
+        fits = share_near(points, others, tolerance_m)
+        require(fits >= least, f"{fits:.0%} of {what} fits within {tolerance_m:.2g} m, {least:.0%} must")
 
 
 def share_near(points: Points, others: Points, tolerance_m: float) -> float:
     """Which share of the points has one of the others within the tolerance; 1 without points."""
+    return float(np.mean(near(points, others, tolerance_m))) if len(points) else 1.0
+
+
+def near(points: Points, others: Points, tolerance_m: float) -> NDArray[np.bool_]:
+    """Which of the points (n, 2) or (n, 3) have one of the others within the tolerance, in the plane if one is flat."""
     from scipy.spatial import cKDTree
 
-    if not len(points):
-        return 1.0
-    if not len(others):
-        return 0.0
+    if not len(points) or not len(others):
+        return np.zeros(len(points), np.bool_)
     d = min(points.shape[1], others.shape[1])
     far, _ = cKDTree(others[:, :d]).query(points[:, :d])
-    return float(np.mean(far <= tolerance_m))
+    within: NDArray[np.bool_] = far <= tolerance_m
+    return within
