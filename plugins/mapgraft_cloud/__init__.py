@@ -139,6 +139,7 @@ def register_conversions(register: Register) -> None:
             accepts=("occupancy_grid",),
             gives="point_cloud",
             requires=("mapgraft_grid",),
+            laws=("mapgraft_cloud.conformance:GridToSlice",),
         )
     )
 

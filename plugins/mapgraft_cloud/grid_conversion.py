@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mapgraft.contracts import ConfigError, EmptyMapError, Layer, MapError, MapType, Transform
 from mapgraft_cloud.blocks import AT_ONCE, AXES, HITS, BlockPool, Blocks
 from mapgraft_cloud.cloud_map import GROUND_BITS
-from mapgraft_cloud.floors import Floors, lowest_slab
+from mapgraft_cloud.floors import lowest_slab
 from mapgraft_cloud.kernels import columns
 from mapgraft_cloud.kernels.block_keys import BLOCK, VOLUME
 from mapgraft_cloud.kernels.placing import STEPS
@@ -19,9 +19,10 @@ from mapgraft_cloud.map_type import PointCloud
 from mapgraft_cloud.parameters import MOST_LOOKS, SensorModel, Thresholds
 from mapgraft_cloud.region import BlockKeys, corners_of, find, keys_of, places_of, voxels_of
 from mapgraft_grid import placing
-from mapgraft_grid.cells import CellCounts, Cells, GridLayer, Lattice, cells_at, cells_of, layer_of_cells
+from mapgraft_grid.cells import CellCounts, Cells, GridLayer, Lattice, cells_at, cells_of, centres_m, layer_of_cells
 from mapgraft_grid.cells import SensorModel as GridModel
 from mapgraft_grid.map_type import OccupancyGrid
+from mapgraft_grid.structure import known_at
 
 
 class GridConversion:
@@ -113,8 +114,8 @@ class SliceConversion:
     """An occupancy grid as one slice of voxels, ``height_m`` above the grid's own height 0.
 
     A planar sensor says nothing about what is above and below it, and its grid does not tell how high it sat: so its
-    walls and its free space enter at one height, hits as hits and misses as misses. Cells that are smaller than the
-    voxels are taken together as placing a grid does, occupied by the source's thresholds.
+    walls and its free space enter at one height, hits as hits and misses as misses, of the cells that are occupied or
+    free by the source's thresholds. Cells that are smaller than the voxels are taken together as placing a grid does.
     """
 
     def __init__(self, *, height_m: float = 0.5) -> None:
@@ -132,23 +133,25 @@ class SliceConversion:
         out = CloudLayer(target.resolution_m, model)
         out.observations, out.sensors, out.mapper = layer.observations, layer.sensors, FROM_CLOUDS
         try:
-            lattice = Lattice(target.resolution_m)
-            placed = placing.place(layer, Transform.identity(), 1.0, lattice, _grid(source).thresholds)
+            told = _made_out(_grid(source), layer)
+            lattice, read = Lattice(target.resolution_m), _grid(source).thresholds
+            cells, counts = cells_of(placing.place(told, Transform.identity(), 1.0, lattice, read))
         except EmptyMapError:
             return out
-        cells, counts = cells_of(placed)
         z = math.floor(self._height_m / target.resolution_m)
         _fill(out.own, np.column_stack((cells, np.full(len(cells), z, np.int64))), counts)
-        _stand(out.floors, placed, cells)
+        path = layer.path()[:, :2]
+        for x, y in ((cells_at(path, lattice) if len(path) else cells[:1]) // BLOCK).tolist():
+            out.floors.add((x, y, 0))
         return out
 
 
-def _stand(floors: Floors, placed: GridLayer, cells: Cells) -> None:
-    """The floor at height 0 below the robot's path; below the first cell where the grid tells no path."""
-    path = placed.path()[:, :2]
-    places = cells_at(path, placed.lattice) if len(path) else cells[:1]
-    for x, y in (places // BLOCK).tolist():
-        floors.add((x, y, 0))
+def _made_out(kind: OccupancyGrid, layer: GridLayer) -> GridLayer:
+    """The layer without the cells that are neither occupied nor free to its robot."""
+    cells, counts = cells_of(layer)
+    known = known_at(kind.view(layer), centres_m(cells, layer.lattice)) if len(cells) else np.zeros(0, np.bool_)
+    kept = cells[known], counts[known]
+    return layer_of_cells(kind, *kept, lattice=layer.lattice, sensor_model=layer.sensor_model)
 
 
 def _fill(pool: BlockPool, voxels: NDArray[np.int64], counts: CellCounts) -> None:

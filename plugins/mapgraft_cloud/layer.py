@@ -61,6 +61,10 @@ class CloudLayer:
         """The memory of its evidence."""
         return sum(pool.nbytes for _, pool in self.pools())
 
+    def most_looks(self) -> int:
+        """The most hits or misses of any voxel."""
+        return max(pool.most for _, pool in self.pools())
+
     def keys(self) -> BlockKeys:
         """The blocks of all pools, ascending."""
         found = [pool.keys for _, pool in self.pools()]

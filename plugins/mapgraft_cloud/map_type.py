@@ -195,7 +195,7 @@ class PointCloud:
         return points if within is None else points[as_map(within).makes_out(points)]
 
     def messages(self, map_: Map) -> Iterable[OutputMessage]:
-        """The occupied voxels as ``sensor_msgs/msg/PointCloud2``, and the map from above; none for a map without any."""
+        """The occupied voxels as ``sensor_msgs/msg/PointCloud2`` and the map from above; none for a map without any."""
         seen = as_map(map_)
         return (output.point_cloud(seen), seen_from_above(seen)) if len(seen.points_m) else ()
 

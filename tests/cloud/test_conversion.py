@@ -85,7 +85,10 @@ def test_a_slice_keeps_the_counts_and_says_its_height(drives: tuple[CloudLayer, 
     seen = kind.view(made)
     assert np.allclose(seen.points_m[:, 2], 1.25, atol=0.01)
     assert len(seen.points_m) == int((grid.view(flat).dense().classes == OCCUPIED).sum())
-    assert len(kind.region(made)) == len(grid.region(flat))
+    assert len(kind.region(made)) == grid.view(flat).known()
+    strict = OccupancyGrid(resolution_m=0.1, occupied=0.9)
+    read = kind.view(SliceConversion().convert(flat, strict, kind)).points_m
+    assert 0 < len(read) == int((strict.view(flat).dense().classes == OCCUPIED).sum()) < len(seen.points_m)
 
 
 def test_other_types_and_bands_are_refused(drives: tuple[CloudLayer, CloudLayer]) -> None:

@@ -65,8 +65,11 @@ def prior(T: Transform, sigma_m: float = 0.3) -> Prior:
     return Prior(T, covariance, "a person")
 
 
-@pytest.mark.parametrize("aligned", [True, False])
-@pytest.mark.parametrize("moved", [Transform.identity(), FAR], ids=["as recorded", "turned by 137 degrees"])
+@pytest.mark.parametrize(
+    ("moved", "aligned"),
+    [(Transform.identity(), True), (FAR, True), (FAR, False)],
+    ids=["as recorded", "turned by 137 degrees", "turned, not aligned"],
+)
 def test_real_scans_are_matched_from_no_prior(
     real: tuple[Cloud, Cloud, Transform], moved: Transform, aligned: bool
 ) -> None:
@@ -82,11 +85,10 @@ def test_real_scans_are_matched_from_no_prior(
 
 def test_sparse_against_dense(real: tuple[Cloud, Cloud, Transform]) -> None:
     target, source, truth = real
-    for sparse, dense in ((20, 1), (1, 20)):
-        found = kiss.Kiss().match(map_of(target, None, dense), map_of(source, FAR, sparse))
-        apart_m, apart_deg = errors(found[0], truth @ FAR.inverse())
-        assert apart_m < 0.15
-        assert apart_deg < 1.0
+    found = kiss.Kiss().match(map_of(target), map_of(source, FAR, 20))
+    apart_m, apart_deg = errors(found[0], truth @ FAR.inverse())
+    assert apart_m < 0.15
+    assert apart_deg < 1.0
 
 
 def test_maps_of_large_voxels(real: tuple[Cloud, Cloud, Transform], capfd: pytest.CaptureFixture[str]) -> None:
@@ -172,10 +174,10 @@ def test_a_corridor_is_said_to_be_unsure_along_it(observe: Observe) -> None:
 
 def test_equal_maps_give_equal_matches(real: tuple[Cloud, Cloud, Transform]) -> None:
     told = []
-    for _ in range(3):
+    for _ in range(2):
         found = kiss.Kiss().match(map_of(real[0]), map_of(real[1], FAR))
         told.append([(match.T_receiver_donor.matrix.tobytes(), match.score) for match in found])
-    assert told[0] == told[1] == told[2]
+    assert told[0] == told[1]
 
 
 def test_maps_with_hardly_anything_are_refused(observe: Observe, maps: tuple[CloudMap, CloudMap]) -> None:
