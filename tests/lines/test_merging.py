@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +46,21 @@ def maps(result: mapgraft.Result) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted((result.folder / "maps").iterdir()) if path.is_file()}
 
 
+@pytest.fixture(scope="module")
+def alone(log: tuple[Path, float], tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], dict[str, bytes]]:
+    """The files of ann's own map when ann and bob never merged, by the kind of map that ann makes."""
+
+    @functools.cache
+    def made(kind: str) -> dict[str, bytes]:
+        out = tmp_path_factory.mktemp("alone") / kind
+        files = maps(mapgraft.run([log[0]], config(log, kind, "grid", forbid=[["ann", "bob"]]), out))
+        own = {name: data for name, data in files.items() if name.startswith("ann.")}
+        assert own
+        return own
+
+    return made
+
+
 @pytest.mark.parametrize(
     ("ann", "bob", "rule", "fuser"),
     [
@@ -52,22 +69,23 @@ def maps(result: mapgraft.Result) -> dict[str, bytes]:
         ("grid", "lines", "line segments into a grid", "log_odds"),
     ],
 )
-def test_either_is_receiver_and_nothing_is_left_of_what_is_taken_out(log, tmp_path, ann, bob, rule, fuser):
+def test_either_is_receiver_and_nothing_is_left_of_what_is_taken_out(log, alone, tmp_path, ann, bob, rule, fuser):
     path = log[0]
-    standing = mapgraft.run([path], config(log, ann, bob), tmp_path / "standing")
-    (merged,) = [event for event in standing.events if event.merge_id == "ann.bob.1" and event.kind == "merged"]
+    told = config(log, ann, bob, verdicts=[{"merge": "ann.bob.1", "action": "revert", "by": "us", "reason": "to see"}])
+    reverted = mapgraft.run([path], told, tmp_path / "reverted")
+    (merged,) = [event for event in reverted.events if event.merge_id == "ann.bob.1" and event.kind == "merged"]
     assert (merged.rule, merged.matcher, merged.fuser) == (rule, "line_association", fuser)
     with open_mission([path], parse_config(config(log, ann, bob))) as mission:
         truth = mission.T_world_map["ann"].inverse() @ mission.T_world_map["bob"]
     shift_m, turn_rad = truth.difference(merged.T_receiver_donor)
     assert shift_m < 0.5 and math.degrees(turn_rad) < 2.0
-    assert standing.maps["ann"].fused.known() > standing.maps["ann"].own.known()
 
-    revert = {"verdicts": [{"merge": "ann.bob.1", "action": "revert", "by": "us", "reason": "to see"}]}
-    reverted = mapgraft.run([path], config(log, ann, bob, **revert), tmp_path / "reverted")
     (event,) = [event for event in reverted.events if event.merge_id == "ann.bob.1" and event.kind == "reverted"]
     assert event.exactness is not None and event.exactness.exact
-    never = maps(mapgraft.run([path], config(log, ann, bob, forbid=[["ann", "bob"]]), tmp_path / "never"))
-    own = {name: data for name, data in never.items() if name.startswith("ann.")}
     after = maps(reverted)
-    assert own and {name: after[name] for name in own} == own
+    assert {name: after[name] for name in alone(ann)} == alone(ann)
+
+
+def test_what_came_in_is_seen_as_long_as_it_stands(log, tmp_path):
+    standing = mapgraft.run([log[0]], config(log, "lines", "lines"), tmp_path / "standing").maps["ann"]
+    assert standing.fused.known() > standing.own.known()
