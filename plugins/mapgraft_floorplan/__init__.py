@@ -18,6 +18,12 @@ _METRICS: Final = {
         "share of the plan's walls that stand elsewhere or nowhere, and each of them",
     ),
 }
+_TO_GRID: Final = ("PlanToGridLaws", "PlanOfUnknownScaleToGridLaws")
+_TO_LINES: Final = ("PlanToLinesLaws",)
+
+
+def _laws(*names: str) -> tuple[str, ...]:
+    return tuple(f"mapgraft_floorplan.conformance:{name}" for name in names)
 
 
 @hookimpl
@@ -28,6 +34,7 @@ def register_map_types(register: Register) -> None:
             "mapgraft_floorplan.map_type:FloorPlanType",
             "walls as somebody drew them: a prior, nothing of it was observed",
             observes={PLAN: 50, GRID_MESSAGE: 5},
+            laws=_laws("DrawnPlans"),
         )
     )
 
@@ -69,12 +76,13 @@ def register_formats(register: Register) -> None:
 
 @hookimpl
 def register_conversions(register: Register) -> None:
-    for target, factory, what in (
-        (GRID, "grid_conversion:PlanToGrid", "walls drawn as occupied, rooms as free, all else unknown"),
-        (LINES, "lines_conversion:PlanToLines", "walls as segments seen once; nothing is free"),
+    for target, factory, what, laws in (
+        (GRID, "grid_conversion:PlanToGrid", "walls drawn as occupied, rooms as free, all else unknown", _TO_GRID),
+        (LINES, "lines_conversion:PlanToLines", "walls as segments seen once; nothing is free", _TO_LINES),
     ):
         name = f"{PLAN}_to_{target}"
-        register(Descriptor(name, f"mapgraft_floorplan.{factory}", what, accepts=(PLAN,), gives=target))
+        made = f"mapgraft_floorplan.{factory}"
+        register(Descriptor(name, made, what, accepts=(PLAN,), gives=target, laws=_laws(*laws)))
 
 
 @hookimpl
@@ -97,6 +105,7 @@ def register_fusers(register: Register) -> None:
             "plan_prior",
             "mapgraft_floorplan.prior_fuser:PlanPrior",
             "a plan as a prior: bounded log-odds that a few observations override, never an observation",
+            laws=_laws("PriorsInGrids", "PriorsInLines"),
         )
     )
 
