@@ -38,7 +38,12 @@ def config(log: tuple[Path, float], ann: str, bob: str, **more: Any) -> dict[str
         name: {"source": "office", "window": {"start_s": start, "end_s": end}, "map": KINDS[kind]}
         for name, (start, end, kind) in windows.items()
     }
-    return {"robots": robots, "exchange": {"use": "at", "seconds": [0.9 * seconds]}, **more}
+    return {
+        "robots": robots,
+        "exchange": {"use": "at", "seconds": [0.9 * seconds]},
+        "output": {"report": False},
+        **more,
+    }
 
 
 def maps(result: mapgraft.Result) -> dict[str, bytes]:
