@@ -1,4 +1,4 @@
-"""The matchers, fusers, metrics, acceptors, verifiers and policies that come with mapgraft keep the laws."""
+"""The matchers, fusers and metrics of grids, and the acceptors, verifiers and policies of ours keep the laws."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import ClassVar, cast
 from mapgraft.contracts import Acceptor, Fuser, MapType, Matcher, Metric, Policy, Verifier
 from mapgraft.plugins import load_plugins
 from mapgraft.testing import AcceptorLaws, FuserLaws, MatcherLaws, MetricLaws, PolicyLaws, Supply, VerifierLaws
-from mapgraft_grid.conformance import BayesFactorLaws, CarpinLaws
 from mapgraft_grid.correlation import Correlation
 from mapgraft_grid.log_odds import LogOdds
 from mapgraft_grid.map_type import OccupancyGrid
@@ -17,14 +16,10 @@ PLUGINS = load_plugins()
 
 
 class Grids(Supply):
-    examples = 6
+    examples = 5
 
     def make_map_type(self) -> MapType:
         return OccupancyGrid(resolution_m=0.1)
-
-
-class TestCarpin(CarpinLaws):
-    pass
 
 
 class TestCorrelation(Grids, MatcherLaws):
@@ -58,10 +53,6 @@ class TestSimilarityMetric(OfGrids):
 
 class TestDistanceMetric(OfGrids):
     metric_name = "distance"
-
-
-class TestBayesFactorMetric(BayesFactorLaws):
-    pass
 
 
 class TestContradictionMetric(OfGrids):
