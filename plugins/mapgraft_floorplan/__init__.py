@@ -19,7 +19,7 @@ _METRICS: Final = {
     ),
 }
 _TO_GRID: Final = ("PlanToGridLaws", "PlanOfUnknownScaleToGridLaws")
-_TO_LINES: Final = ("PlanToLinesLaws",)
+_TO_LINES: Final = ("PlanToLinesLaws", "PlanOfUnknownScaleToLinesLaws")
 
 
 def _laws(*names: str) -> tuple[str, ...]:

@@ -86,6 +86,15 @@ class PlanToLinesLaws(ConversionLaws):
         return PlanToLines()
 
 
+class PlanOfUnknownScaleToLinesLaws(PlanToLinesLaws):
+    """Plans of unknown scale as line segments: their cells are theirs, too."""
+
+    examples: ClassVar[int] = 4
+
+    def observations(self) -> st.SearchStrategy[Observation]:
+        return plans(scale_known=False)
+
+
 class PriorsInGrids(FuserLaws):
     """A prior in a grid."""
 

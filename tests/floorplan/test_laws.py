@@ -10,6 +10,7 @@ from mapgraft.testing import MapTypeLaws, MatcherLaws, MetricLaws, Supply
 from mapgraft_floorplan.conformance import (
     DrawnPlans,
     PlanOfUnknownScaleToGridLaws,
+    PlanOfUnknownScaleToLinesLaws,
     PlanToGridLaws,
     PlanToLinesLaws,
     PriorsInGrids,
@@ -47,6 +48,10 @@ class TestPlanOfUnknownScaleToGrid(PlanOfUnknownScaleToGridLaws):
 
 class TestPlanToLines(PlanToLinesLaws):
     examples: ClassVar[int] = 5
+
+
+class TestPlanOfUnknownScaleToLines(PlanOfUnknownScaleToLinesLaws):
+    examples: ClassVar[int] = 3
 
 
 class OnGrids(Supply):
