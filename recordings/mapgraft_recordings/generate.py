@@ -20,6 +20,7 @@ from mapgraft_recordings.simulator.messages import Message, ros_messages
 from mapgraft_recordings.simulator.simulation import Pose, Robot, simulate
 from mapgraft_recordings.simulator.world import checked, load_plan
 from mapgraft_recordings.spinning import SpinningPlan, spinning_messages
+from mapgraft_recordings.told_apart import told_apart
 from mapgraft_recordings.writing import write_mcap
 
 DEMO = Path(str(files("mapgraft_recordings") / "demo"))
@@ -71,13 +72,21 @@ def _messages(mission: Mission, robot: Robot, spinning: SpinningPlan | None) -> 
     return ros_messages([robot], simulate(mission.world, [robot], mission.seed, mission.duration_s))
 
 
-def expect(mission: Mission, paths: Sequence[Path], folder: Path, demo: str = DEMOS[0]) -> Outcome:
-    """Run the main job on the recording and write what came of it to ``expected.json`` in ``folder``."""
+def expect(mission: Mission, paths: Sequence[Path], folder: Path, demo: str = DEMOS[0]) -> list[str]:
+    """Run the main job on the recording and write what came of it to ``expected.json`` in ``folder``; told in lines."""
     from mapgraft.job import run
 
-    outcome = judged(run(paths, folder / "config.yaml").events, frames(mission, paths), demo)
+    events, truth = run(paths, folder / "config.yaml").events, frames(mission, paths)
+    outcome = judged(events, truth, demo)
     write_outcome(folder / "expected.json", outcome)
-    return outcome
+    lines = describe(outcome)
+    if demo == "heterogeneous":
+        for robot, apart in told_apart(events, truth, drawn_plan(), mission.world).items():
+            lines.append(
+                f"{robot} found {apart.findings} deviations: {apart.mistakes} are mistakes of the plan, "
+                f"{apart.furniture} furniture, {apart.neither} neither"
+            )
+    return lines
 
 
 def judged(events: Sequence[Event], T_world_map: Mapping[str, Pose], demo: str = DEMOS[0]) -> Outcome:
@@ -101,14 +110,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     try:
         mission, paths = generate(given.seed, given.output, given.demo)
-        outcome = expect(mission, paths, given.output, given.demo) if given.expect else None
+        lines = expect(mission, paths, given.output, given.demo) if given.expect else []
     except MapgraftError as error:
         print(f"error: {error}", file=sys.stderr)
         return error.exit_code
     for path in paths:
         print(f"{path}  {path.stat().st_size / 1e6:.2f} MB")
-    if outcome is not None:
-        print("\n".join(describe(outcome)))
+    for line in lines:
+        print(line)
     return 0
 
 
