@@ -87,6 +87,7 @@ class TestLinePosterior(OfLines):
 
 
 class TestNews(OfLines):
+    examples: ClassVar[int] = 10  # of fewer it hears nothing
     metric_name = "line_news"
     stream = True
 
