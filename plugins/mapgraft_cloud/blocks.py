@@ -44,16 +44,17 @@ class BlockPool:
 
     ``keys`` (k,) ascend, ``slots`` (k,) tell where in ``counts`` (capacity, 2, 512) each block is. A hit adds the mean
     position of a sweep's points in its voxel to the sums; only blocks with hits have them: ``rows`` (capacity,) tells
-    where in ``sums`` (capacity, 3, 512). So a voxel costs 8 bytes, and 12 more beside walls.
+    where in ``sums`` (capacity, 3, 512). So a voxel costs 8 bytes, and 12 more beside walls. There is room for
+    ``capacity`` blocks at first.
     """
 
     __slots__ = ("counts", "keys", "rows", "slots", "solid", "sums")
 
-    def __init__(self) -> None:
+    def __init__(self, capacity: int = _FIRST_CAPACITY) -> None:
         self.keys: BlockKeys = np.empty(0, np.int64)
         self.slots: NDArray[np.int64] = np.empty(0, np.int64)
-        self.counts: Counts = np.zeros((_FIRST_CAPACITY, 2, VOLUME), np.uint32)
-        self.rows: Rows = np.full(_FIRST_CAPACITY, -1, np.int64)
+        self.counts: Counts = np.zeros((capacity, 2, VOLUME), np.uint32)
+        self.rows: Rows = np.full(capacity, -1, np.int64)
         self.sums: Sums = np.zeros((_FIRST_CAPACITY, AXES, VOLUME), np.uint32)
         self.solid = 0  # how many rows of sums are taken
 

@@ -110,6 +110,10 @@ class _Numbers:
         self._place += found.nbytes
         return found
 
+    def require(self, nbytes: int) -> None:
+        if len(self._body) - self._place < nbytes:
+            raise ValueError(f"{len(self._body) - self._place} bytes of blocks where {nbytes} are announced")
+
     def end(self) -> None:
         if self._place != len(self._body):
             raise ValueError(f"{len(self._body)} bytes of blocks where {self._place} are announced")
@@ -142,7 +146,8 @@ def _pool(blocks: int, body: _Numbers) -> BlockPool:
     keys = np.cumsum(body.take("<i8", blocks).astype(np.int64))
     if blocks and (keys[0] < 0 or (np.diff(keys) <= 0).any() or np.abs(corners_of(keys)).max() > VOXEL_LIMIT):
         raise ValueError("its blocks are out of order")
-    pool = BlockPool()
+    body.require(blocks * 2 * VOLUME * 4)
+    pool = BlockPool(blocks)
     for first in range(0, blocks, _TOGETHER):
         some = keys[first : first + _TOGETHER]
         counts = body.take("<u4", 2 * some.size * VOLUME).reshape(2, some.size, VOLUME).transpose(1, 0, 2)

@@ -66,21 +66,18 @@ def floor_beneath(
 
     ``points`` (n, 3) are the sweep's in voxels. None where the recording tells no base and the sweep shows no floor.
     """
-    sensor = T_map_sensor.matrix[:3, 3] / voxel_m
     if T_map_sensor.z_m - T_map_base.z_m >= MOUNTED_M:
-        return _floor(sensor, round(T_map_base.z_m / voxel_m))
+        return floor_at(T_map_sensor, round(T_map_base.z_m / voxel_m), voxel_m)
+    sensor = T_map_sensor.matrix[:3, 3] / voxel_m
     near = np.hypot(*(points[:, :2] - sensor[:2]).T) * voxel_m <= _SEEN_M
     height = lowest_slab(np.floor(points[near & (points[:, 2] < sensor[2])]).astype(np.int64), voxel_m)
-    return None if height is None else _floor(sensor, height)
+    return None if height is None else floor_at(T_map_sensor, height, voxel_m)
 
 
-def floor_at(sensor_m: NDArray[np.float64], height_m: float, voxel_m: float) -> Floor:
-    """The floor at a stated height below a place (x, y, …) in metres."""
-    return _floor(sensor_m / voxel_m, round(height_m / voxel_m))
-
-
-def _floor(sensor: NDArray[np.float64], height: int) -> Floor:
-    return int(np.floor(sensor[0] / BLOCK)), int(np.floor(sensor[1] / BLOCK)), height
+def floor_at(T_map_sensor: Transform, height: int, voxel_m: float) -> Floor:
+    """A floor of which the height is known, below the place of a sensor."""
+    x, y = np.floor(T_map_sensor.matrix[:2, 3] / (BLOCK * voxel_m)).astype(np.int64).tolist()
+    return x, y, height
 
 
 def lowest_slab(voxels: NDArray[np.int64], voxel_m: float) -> int | None:
@@ -90,18 +87,18 @@ def lowest_slab(voxels: NDArray[np.int64], voxel_m: float) -> int | None:
         return None
     thick = max(1, round(_SLAB_M / voxel_m))
     packed = (((voxels[:, 0] + VOXEL_LIMIT) << _AXIS_BITS) | (voxels[:, 1] + VOXEL_LIMIT)) << _AXIS_BITS
-    packed = np.unique(packed | (voxels[:, 2] + VOXEL_LIMIT))
+    packed = np.sort(packed | (voxels[:, 2] + VOXEL_LIMIT))
+    packed = packed[np.concatenate(([True], packed[1:] != packed[:-1]))]
     columns, z = packed >> _AXIS_BITS, (packed & ((1 << _AXIS_BITS) - 1)) - VOXEL_LIMIT
     # a column is in the slabs that begin up to ``thick`` below one of its voxels, once however many it has in one
     begin = z - thick + 1
-    same = np.concatenate(([False], columns[1:] == columns[:-1]))
-    begin[1:] = np.where(same[1:], np.maximum(begin[1:], z[:-1] + 1), begin[1:])
-    levels, inverse = np.unique(np.concatenate((begin, z + 1)), return_inverse=True)
-    change = np.zeros(len(levels), np.int64)
-    np.add.at(change, inverse.ravel(), np.repeat((1, -1), len(z)))
-    enough = np.flatnonzero(np.cumsum(change) >= _SHARE * np.count_nonzero(~same))
-    if not enough.size:
+    same = columns[1:] == columns[:-1]
+    begin[1:] = np.where(same, np.maximum(begin[1:], z[:-1] + 1), begin[1:])
+    begin, end = np.sort(begin), np.sort(z)
+    inside = np.arange(1, len(z) + 1) - np.searchsorted(end, begin, side="left")
+    enough = inside >= _SHARE * (1 + np.count_nonzero(~same))
+    if not enough.any():
         return None
-    low = max(int(levels[enough[0]]), int(z.min()))
-    inside = z[(z >= low) & (z < low + thick)]
-    return low + int(np.argmax(np.bincount(inside - low))) + 1
+    low = max(int(begin[np.argmax(enough)]), int(end[0]))
+    levels = z[(z >= low) & (z < low + thick)]
+    return low + int(np.argmax(np.bincount(levels - low))) + 1

@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 from mapgraft.contracts import ConfigError, EmptyMapError, Layer, MapError, MapType, Transform
 from mapgraft_cloud.blocks import AT_ONCE, AXES, HITS, BlockPool, Blocks
 from mapgraft_cloud.cloud_map import GROUND_BITS
-from mapgraft_cloud.floors import lowest_slab
 from mapgraft_cloud.kernels import columns
 from mapgraft_cloud.kernels.block_keys import BLOCK, VOLUME
 from mapgraft_cloud.kernels.placing import STEPS
 from mapgraft_cloud.layer import FROM_CLOUDS, CloudLayer, as_layer
 from mapgraft_cloud.map_type import PointCloud
 from mapgraft_cloud.parameters import MOST_LOOKS, SensorModel, Thresholds
-from mapgraft_cloud.region import BlockKeys, corners_of, find, keys_of, places_of, voxels_of
+from mapgraft_cloud.region import BlockKeys, corners_of, find, keys_of, places_of
 from mapgraft_grid import placing
 from mapgraft_grid.cells import CellCounts, Cells, GridLayer, Lattice, cells_at, cells_of, centres_m, layer_of_cells
 from mapgraft_grid.cells import SensorModel as GridModel
@@ -30,10 +29,10 @@ class GridConversion:
 
     Of each column of voxels between ``low_m`` and ``high_m`` above the floor the grid gets the counts of the occupied
     voxel with most evidence; where none is and none may be, of the free one that was most often seen through. What is
-    occupied or free the source's thresholds say. The floor is where the robot was above it nearest to the column (see
-    ``Floors``): what is found elsewhere changes nothing here. Layers that know no such place, as ready-made clouds,
-    have one floor: the lowest slab of 0.2 m in which a tenth of all columns with hits have one, else the map's own
-    height 0. Cells of another size than the voxels take counts as placing a grid does. Only what a sensor saw through
+    occupied or free the source's thresholds say. The floor is that where the robot was nearest to the column (see
+    ``Floors``): what is found elsewhere changes nothing here. A ready-made cloud has one floor: the lowest slab of 0.2
+    m in which a tenth of all columns with hits have one. Where nobody knows any it is the map's own height 0.
+    Cells of another size than the voxels take counts as placing a grid does. Only what a sensor saw through
     is free: a ready-made cloud gives occupied cells alone.
     """
 
@@ -102,12 +101,7 @@ def _floors_below(own: CloudLayer, grounds: BlockKeys) -> NDArray[np.int64]:
     """The first voxel (g,) above the floor of columns of blocks."""
     if own.floors.sweeps and grounds.size:
         return own.floors.below(corners_of(grounds)[:, :2] // BLOCK)
-    voxels = [np.empty((0, 3), np.int64)]
-    for _, pool in own.pools():
-        for blocks in pool.blocks():
-            block, place = np.nonzero(blocks.counts[:, HITS])
-            voxels.append(voxels_of(blocks.keys[block], place))
-    return np.full(grounds.size, lowest_slab(np.concatenate(voxels), own.voxel_m) or 0, np.int64)
+    return np.zeros(grounds.size, np.int64)
 
 
 class SliceConversion:

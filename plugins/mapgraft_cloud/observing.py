@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mapgraft.contracts import Cloud, MapError, Observation
 from mapgraft_cloud.blocks import AXES, BlockPool, empty_bits
-from mapgraft_cloud.floors import Floor, Floors, floor_at, floor_beneath
+from mapgraft_cloud.floors import Floor, Floors, floor_at, floor_beneath, lowest_slab
 from mapgraft_cloud.kernels import tracing
 from mapgraft_cloud.kernels.block_keys import VOXEL_LIMIT
 from mapgraft_cloud.kernels.placing import STEPS
@@ -57,8 +57,9 @@ def replace_content(
     before = VoxelRegion.from_bits(layer.voxel_m, layer.own.keys, layer.own.held(layer.own.keys))
     layer.own, layer.floors = BlockPool(), Floors()
     region = _count(layer, *found)
-    if floor_m is not None:
-        layer.floors.add(floor_at(observation.T_map_sensor.matrix[:3, 3], floor_m, layer.voxel_m))
+    height = lowest_slab(found[2].voxels, layer.voxel_m) if floor_m is None else round(floor_m / layer.voxel_m)
+    if height is not None:
+        layer.floors.add(floor_at(observation.T_map_sensor, height, layer.voxel_m))
     layer.sensors, layer.dropped = frozenset(), 0
     _sign(layer, observation, cloud.dropped + seen.near, READY_MADE)
     return region.union(before)
@@ -117,7 +118,7 @@ def _floor_below(
     layer: CloudLayer, observation: Observation, points: NDArray[np.float64], floor_m: float | None
 ) -> Floor | None:
     if floor_m is not None:
-        return floor_at(observation.T_map_sensor.matrix[:3, 3], floor_m, layer.voxel_m)
+        return floor_at(observation.T_map_sensor, round(floor_m / layer.voxel_m), layer.voxel_m)
     return floor_beneath(points, observation.T_map_sensor, observation.T_map_base, layer.voxel_m)
 
 
