@@ -87,6 +87,8 @@ def layer_of_cells(
         x, y = cells[rows, 0] % TILE, cells[rows, 1] % TILE
         table = np.zeros((2, part.stop - part.start, TILE, TILE), np.uint32)
         table[HITS, slots, y, x], table[MISSES, slots, y, x] = counts[rows, HITS], counts[rows, MISSES]
+        if np.count_nonzero(table.any(axis=0)) < len(rows):
+            raise MapError("a cell is told of more than once: add the counts up, or take the most of them")
         layer.pool.set_counts(keys[part], table[HITS], table[MISSES])
     return layer
 
@@ -229,8 +231,7 @@ def _checked(cells: Cells, counts: CellCounts) -> tuple[Cells, CellCounts]:
         )
     if len(counts) and counts.min() < 0:
         raise MapError(f"a cell cannot have been seen {int(counts.min())} times: give counts from 0")
-    if len(_each_once(cells)[0]) < len(cells):
-        raise MapError("a cell is told of more than once: add the counts up, or take the most of them")
+    _require_reach(cells)
     return cells, counts
 
 

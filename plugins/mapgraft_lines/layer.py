@@ -10,7 +10,7 @@ import numpy as np
 from mapgraft.contracts import Layer, MapError
 from mapgraft_lines.kernels.keys import SLOT_BITS
 from mapgraft_lines.region import LineRegion
-from mapgraft_lines.table import Table
+from mapgraft_lines.table import Table, distinct
 
 NAME: Final = "line_segments"
 FROM_SCANS: Final = "scans"
@@ -54,8 +54,7 @@ class Evidence:
 
     def keys(self) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
         """All keys about which there is evidence, ascending: slots of pieces, and all cells that are known by any."""
-        cells = np.union1d(self.pieces.keys >> SLOT_BITS << SLOT_BITS, self.space.keys)
-        return np.union1d(self.pieces.keys, cells)
+        return distinct(self.pieces.keys, self.pieces.keys >> SLOT_BITS << SLOT_BITS, self.space.keys)
 
     def plus(self, other: Evidence, times: int = 1) -> Evidence:
         return Evidence(self.pieces.plus(other.pieces, times), self.space.plus(other.space, times))
@@ -103,7 +102,7 @@ class LineLayer:
         """The slots about which there is evidence."""
         if self.absorbed.is_empty:
             return LineRegion(self.cell_m, self.own.keys())
-        return LineRegion(self.cell_m, np.union1d(self.own.keys(), self.absorbed.keys()))
+        return LineRegion(self.cell_m, distinct(self.own.keys(), self.absorbed.keys()))
 
 
 def as_layer(layer: Layer) -> LineLayer:

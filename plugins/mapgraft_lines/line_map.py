@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mapgraft.contracts import Map, MapError, Points
 from mapgraft_lines.layer import NAME, Evidence
 from mapgraft_lines.segments import cell_keys
-from mapgraft_lines.table import Keys
+from mapgraft_lines.table import Keys, distinct
 from mapgraft_lines.walls import SLOT_MASK, Grown, Walls, cell_corners_m, grown, standing
 
 UNKNOWN, FREE, WALL = 0, 1, 2
@@ -83,8 +83,8 @@ class LineMap:
     def known_keys(self) -> Keys:
         """The cells (slot 0) that are known, ascending."""
         if "known" not in self.kept:
-            held = np.unique(self.standing_keys() & ~SLOT_MASK)
-            self.kept["known"] = np.union1d(held, self.total.space.keys)
+            held = distinct(self.standing_keys() & ~SLOT_MASK)
+            self.kept["known"] = distinct(held, self.total.space.keys)
         known: Keys = self.kept["known"]
         return known
 
@@ -132,11 +132,11 @@ class LineMap:
     def _around_keys(self) -> Keys:
         """The known cells and the neighbours of those that hold a piece of wall, ascending."""
         if "around" not in self.kept:
-            corners = cell_corners_m(np.unique(self.standing_keys() & ~SLOT_MASK), self.cell_m)
+            corners = cell_corners_m(distinct(self.standing_keys() & ~SLOT_MASK), self.cell_m)
             held = np.rint(corners / self.cell_m).astype(np.int64)
             steps = np.stack(np.meshgrid((-1, 0, 1), (-1, 0, 1)), axis=-1).reshape(-1, 2)
             near = (held[:, None] + steps).reshape(-1, 2)
-            self.kept["around"] = np.union1d(self.known_keys(), cell_keys(near[:, 0], near[:, 1]))
+            self.kept["around"] = distinct(self.known_keys(), cell_keys(near[:, 0], near[:, 1]))
         keys: Keys = self.kept["around"]
         return keys
 
@@ -165,7 +165,7 @@ class LineMap:
                 f"compared is {LARGEST_DENSE}: look for segments far away from the rest, or take a larger cell_m"
             )
         classes = np.zeros((height, width), np.uint8)
-        walls = np.isin(keys, np.unique(self.standing_keys() & ~SLOT_MASK))
+        walls = np.isin(keys, distinct(self.standing_keys() & ~SLOT_MASK))
         classes[index[:, 1] - low[1], index[:, 0] - low[0]] = np.where(walls, WALL, FREE)
         classes.setflags(write=False)
         return Cells(classes, (int(low[0]), int(low[1])), self.cell_m)

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from mapgraft.contracts import Layer, MapError, MapType
 from mapgraft_grid.cells import (
     FROM_SCANS,
+    HITS,
+    MISSES,
     MOST_LOOKS,
     READY_MADE,
     Cells,
@@ -56,12 +58,12 @@ class LinesToGrid:
         drawn, before = _walls(_shown(evidence.pieces, source.view(own)), own.cell_m, lattice)
         hits, beside = _tabled(*drawn), _tabled(*before)
         misses = _tabled(*_space(evidence.space, own.cell_m, lattice)).without(hits.keys)
-        misses = misses.plus(beside.without(np.union1d(hits.keys, misses.keys)))
-        keys = np.union1d(hits.keys, misses.keys)
+        misses = misses.plus(beside.without(hits.keys).without(misses.keys))
+        told = _column(hits, HITS).plus(_column(misses, MISSES))
         return layer_of_cells(
             target,
-            np.stack(((keys >> 32) - CELL_LIMIT, (keys & 0xFFFFFFFF) - CELL_LIMIT), axis=1),
-            np.hstack((hits.at(keys), misses.at(keys))),
+            np.stack(((told.keys >> 32) - CELL_LIMIT, (told.keys & 0xFFFFFFFF) - CELL_LIMIT), axis=1),
+            told.counts,
             observations=own.observations,
             sensors=own.sensors,
             mapper=FROM_SCANS if own.mapper in (LINES_FROM_SCANS, "") else READY_MADE,
@@ -102,9 +104,19 @@ def _space(space: Table, cell_m: float, lattice: Lattice) -> _Drawn:
 def _tabled(index: Cells, counts: NDArray[np.int64]) -> Table:
     """The largest count of each cell, by a key of its own."""
     packed = ((index[:, 0] + CELL_LIMIT) << 32) | (index[:, 1] + CELL_LIMIT)
-    order = np.lexsort((-counts, packed))
-    keys, first = np.unique(packed[order], return_index=True)
-    return Table(keys, np.minimum(counts[order][first], MOST_LOOKS)[:, None])
+    order = np.argsort(packed, kind="stable")
+    keys = packed[order]
+    first = np.flatnonzero(np.diff(keys, prepend=-1))
+    if not len(first):
+        return Table.empty(1)
+    return Table(keys[first], np.minimum(np.maximum.reduceat(counts[order], first), MOST_LOOKS)[:, None])
+
+
+def _column(counts: Table, column: int) -> Table:
+    """A table of hits and misses, of which one is told."""
+    both = np.zeros((len(counts), 2), np.int64)
+    both[:, column] = counts.counts[:, 0]
+    return Table(counts.keys, both)
 
 
 def _require_size(evidence: Evidence, cell_m: float, lattice: Lattice) -> None:

@@ -34,6 +34,7 @@ from mapgraft_lines.line_map import LineMap, Reading, as_map
 from mapgraft_lines.placing import RESAMPLER, place_evidence
 from mapgraft_lines.region import LineRegion, as_region
 from mapgraft_lines.segments import SegmentPoints, from_segments
+from mapgraft_lines.table import distinct
 from mapgraft_lines.walls import cell_corners_m
 from mapgraft_lines.weights import entering
 
@@ -137,7 +138,7 @@ class LineSegments:
         elif isinstance(payload, SegmentMap):
             _require_mapper(own, READY_MADE, observation)
             after = self._ready_made(payload, observation.T_map_sensor, own.cell_m)
-            before = np.union1d(own.own.keys(), after.keys())
+            before = distinct(own.own.keys(), after.keys())
         else:
             raise MapError(
                 f"a map of line segments is made from a {SCAN} or from {SEGMENTS}, found a {observation.kind} of "

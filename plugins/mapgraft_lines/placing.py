@@ -12,7 +12,7 @@ from mapgraft.contracts import MapError, Transform
 from mapgraft_lines.kernels.keys import BARE, LIMIT, STEPS_PER_M
 from mapgraft_lines.layer import DX, DY, LOOKS, PIECE_COLUMNS, SPACE_COLUMNS, WX, WXX, WXY, WY, WYY, Evidence, W
 from mapgraft_lines.segments import cell_keys, slots_of
-from mapgraft_lines.table import Counts, Table
+from mapgraft_lines.table import Counts, Table, distinct
 from mapgraft_lines.walls import SLOT_MASK, cell_corners_m
 
 RESAMPLER: Final = "pieces_at_their_middle/1"
@@ -107,7 +107,7 @@ def _placed_space(table: Table, cell_m: float, matrix: NDArray[np.float64], scal
     steps = np.arange(-reach, reach + 1)
     ix = near_x[:, None, None] + steps[:, None] + 0 * steps
     iy = near_y[:, None, None] + steps + 0 * steps[:, None]
-    keys = np.unique(cell_keys(ix.ravel(), iy.ravel()))
+    keys = distinct(cell_keys(ix.ravel(), iy.ravel()))
     centre = cell_corners_m(keys, to_m) + 0.5 * to_m
     dx, dy = centre[:, 0] - x0, centre[:, 1] - y0
     from_x = np.floor((c * dx + s * dy) / scale / cell_m).astype(np.int64)

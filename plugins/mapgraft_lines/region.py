@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapgraft.contracts import MapError, Region
-from mapgraft_lines.table import Keys
+from mapgraft_lines.table import Keys, distinct
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,7 +31,7 @@ class LineRegion:
         if not other.keys.size:
             return self
         self._require_same_cells(other)
-        return LineRegion(self.cell_m, np.union1d(self.keys, other.keys))
+        return LineRegion(self.cell_m, distinct(self.keys, other.keys))
 
     def minus(self, other: LineRegion) -> LineRegion:
         """The slots that the other does not have; raises MapError as ``union``."""

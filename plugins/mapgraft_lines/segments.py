@@ -15,7 +15,7 @@ from mapgraft.contracts import MapError, MapType, Points
 from mapgraft_lines.kernels import chopping
 from mapgraft_lines.kernels.keys import BARE, BARE_BINS, FACED, FACED_BINS, INDEX_BITS, LIMIT, SLOT_BITS
 from mapgraft_lines.layer import CONVERTED, LOOKS, PIECE_COLUMNS, SPACE_COLUMNS, Evidence, LineLayer
-from mapgraft_lines.table import Table
+from mapgraft_lines.table import Table, distinct
 
 SegmentPoints = NDArray[np.float64]  # (n, 2, 2) segment, end, (x, y) in metres
 
@@ -101,7 +101,7 @@ def free_cells(points_m: Points | None, looks: int, cell_m: float) -> Table:
     index = np.floor(np.asarray(points_m, np.float64) / cell_m)
     if not np.abs(index).max() < LIMIT:
         raise MapError(f"a map of line segments reaches ±{LIMIT * cell_m:.0f} m, found free space beyond")
-    keys = np.unique(cell_keys(index[:, 0].astype(np.int64), index[:, 1].astype(np.int64)))
+    keys = distinct(cell_keys(index[:, 0].astype(np.int64), index[:, 1].astype(np.int64)))
     return Table(keys, np.full((len(keys), SPACE_COLUMNS), looks, np.int64))
 
 

@@ -11,6 +11,12 @@ Keys = NDArray[np.int64]  # (n,) strictly rising, see kernels.keys
 Counts = NDArray[np.int64]  # (n, columns)
 
 
+def distinct(*keys: NDArray[np.int64]) -> Keys:
+    """All keys of some arrays, each once, ascending. By sorting: numpy finds them by hashing, much slower if many."""
+    every = np.sort(np.concatenate(keys), kind="stable")  # which takes sorted parts as they are
+    return every[np.flatnonzero(np.diff(every, prepend=np.int64(-1)))] if len(every) else every
+
+
 class Table:
     """Rows of counts by key; a key without evidence has no row. Equal evidence has equal arrays.
 
