@@ -148,6 +148,11 @@ class Rule(Section):
             raise DecisionTableError(f"rule {self.name!r} rejects: it has no procedure")
         return Procedure(self, self.match, self.accept, self.fuse, self.verify)
 
+    def is_about(self, facts: Mapping[str, Value]) -> bool:
+        """Whether what it says of the two map types holds."""
+        asked = [name for name in ("own.type", "other.type") if name in self.when and name in facts]
+        return all(_failure(facts[name], self.when[name]) is None for name in asked)
+
 
 @dataclass(frozen=True, slots=True)
 class Procedure:
@@ -222,7 +227,7 @@ class DecisionTable:
         for record in self.records:
             failure = _first_failure(record.rule, facts) or record.obstacle(own, other)
             findings.append(
-                Finding(record.rule.name, failure is None, failure or "applies", _is_about(record.rule, facts))
+                Finding(record.rule.name, failure is None, failure or "applies", record.rule.is_about(facts))
             )
             if failure is None:
                 return Ruling(record.rule, tuple(findings))
@@ -261,14 +266,6 @@ def _first_failure(rule: Rule, facts: Mapping[str, Value]) -> str | None:
         if (text := _failure(facts[name], condition)) is not None:
             return f"{name} is {_spell(facts[name])}, {text}"
     return None
-
-
-def _is_about(rule: Rule, facts: Mapping[str, Value]) -> bool:
-    """Whether what a rule says of the two map types holds."""
-    asked = [
-        (facts[name], rule.when[name]) for name in ("own.type", "other.type") if name in rule.when and name in facts
-    ]
-    return all(_failure(value, condition) is None for value, condition in asked)
 
 
 def _failure(value: Value, condition: Condition) -> str | None:

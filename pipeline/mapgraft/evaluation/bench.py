@@ -155,11 +155,12 @@ class Bench:
 
     def _add_baseline(self) -> None:
         table = paper_rules(self.plugins)
-        why = table.records[0].lacking or table.records[0].obstacle(self.map_type, self.other_map_type)
-        types = {self.map_type, self.other_map_type}
-        if types != {"occupancy_grid"} or why is not None:
-            said = why or f"the paper's rules are for occupancy grids, not for {' and '.join(sorted(types))}"
-            self.remarks.append(f"no baseline: {said}")
+        paper = table.records[0]
+        why = paper.lacking
+        if why is None and not paper.rule.is_about({"own.type": self.map_type, "other.type": self.other_map_type}):
+            why = f"the paper's rules are not for {' and '.join(sorted({self.map_type, self.other_map_type}))}"
+        if why is not None:
+            self.remarks.append(f"no baseline: {why}")
         else:
             self.contenders.append(Contender(BASELINE, table))
 
