@@ -44,7 +44,7 @@ class Agreement(NamedTuple):
     common: int  # walls of the plan on a wall of the robot or beside one
     outside: int  # free cells and walls of the robot beyond everything that is drawn
     known: int  # all free cells and walls of the robot
-    table: NDArray[np.int64]
+    table: NDArray[np.int64]  # (5, 5) of all the robot's marked cells, by its mark and the plan's
 
 
 def agreement(robot: Prepared, plan: Prepared, T: Transform, *, any_scale: bool = False) -> Agreement:
@@ -53,7 +53,8 @@ def agreement(robot: Prepared, plan: Prepared, T: Transform, *, any_scale: bool 
     With ``any_scale`` free space in rooms tells no more than walls on walls do: all of a robot's map fits into one
     room, if only the plan is drawn large enough.
     """
-    table = meeting_table(plan, robot, T.inverse()).T
+    table = meeting_table(plan, robot, T.inverse()).T.copy()
+    table[:, 0] += np.append(0, robot.mark_counts[1:]) - np.append(0, table[1:].sum(axis=1))  # beside the plan's grid
     rows = table.tolist()
     common = rows[2][2] + rows[3][2] + rows[4][2]
     free = rows[1][1] + rows[1][3] + rows[3][1] + rows[3][3]

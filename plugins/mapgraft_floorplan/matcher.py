@@ -57,8 +57,9 @@ class PlanCorrelation:
 
     Evidence: ``agreement``, ``missing`` (walls of the plan in free space), ``added`` (walls of the robot in rooms) in
     cells of ``resolution_m``; ``common_m``, the length of the plan's walls that the robot has, too; ``scale`` and,
-    where it was searched, ``sigma_scale``, its standard deviation relative to it; ``scales_searched``; ``prior_score``
-    with a prior, if the scale is known. The covariance is of the walls' fit.
+    where it was searched, ``sigma_scale``, its standard deviation relative to it; ``scales_searched``; ``lead``, the
+    margin over all others that were found, whichever of them somebody refuses later; ``prior_score`` with a prior, if
+    the scale is known. The covariance is of the walls' fit.
     """
 
     def __init__(self, *, scale: str | Sequence[float] = "known", returned: int = 4) -> None:
@@ -82,7 +83,7 @@ class PlanCorrelation:
         if prior is not None and scales.most == scales.least:
             placed = plan.at(scales.least, robot.unit_m)
             asked["prior_score"] = agreement(robot, placed, prior.T_receiver_donor).log_ratio
-        return [_told(robot, plan, field, found, rank, scales, asked) for rank in range(len(found))]
+        return [_told(robot, plan, field, found, rank, scales, asked, prior is None) for rank in range(len(found))]
 
 
 def extents(robot: Prepared, plan: PlanGrid) -> Range:
@@ -135,6 +136,7 @@ def _told(
     rank: int,
     scales: Range,
     asked: Mapping[str, float],
+    everywhere: bool,
 ) -> Match:
     one = found[rank]
     scale, score = float(one.pose[3]), one.met.log_ratio
@@ -149,9 +151,10 @@ def _told(
         **asked,
     }
     free = scales.most > scales.least
-    bare = Match(
-        one.T, score, score - max(others) if others else math.inf, scale=scale if free else 1.0, evidence=evidence
-    )
+    margin = score - max(others) if others else math.inf
+    if others and everywhere:
+        evidence["lead"] = margin
+    bare = Match(one.T, score, margin, scale=scale if free else 1.0, evidence=evidence)
     covariance, sigma_scale = _covariance(plan, field, one, free)
     if covariance is None:
         return bare

@@ -3,43 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Final
 
-from mapgraft.contracts import Comparison, Measurement, Step
+from mapgraft.contracts import Anew, Comparison, Match, Measurement
 from mapgraft_floorplan.evidence_table import Agreement
 from mapgraft_floorplan.findings import findings_of
 from mapgraft_floorplan.standing import agreement_of, differences_of
 
-_NATS: Final = 10.0
 _LEAST_NATS: Final = 20.0
-# Logistic regression on 80 hypotheses in 20 simulated buildings, half of them with plans of known scale
-# (tests/bench/fit_floorplan.py). Cross-validated, 78 % of the right ones come out at 0.8 or more, and 1 of 53 wrong.
-COEFFICIENTS: Final = {"evidence": 1.411, "margin": 6.561}
-INTERCEPT: Final = -9.938
-
-
-class _Anew:
-    """Measures anew whenever it is asked."""
-
-    __slots__ = ("_comparison", "_measure")
-
-    def __init__(self, comparison: Comparison, measure: Callable[[Comparison], Measurement]) -> None:
-        self._comparison, self._measure = comparison, measure
-
-    def update(self, step: Step) -> Measurement:
-        return self._measure(self._comparison)
+# Fitted to the best two hypotheses in simulated buildings, with plans of known and of unknown scale, whole and in part;
+# the buildings by which it is judged are others (tests/bench/fit_floorplan.py, docs/floorplans.md).
+COEFFICIENTS: Final = {"drawn": 17.52, "explained": 9.55}
+INTERCEPT: Final = -18.0
+LEAD: Final = 14.6
 
 
 class PlanPosterior:
-    """The probability that a plan lies where a match puts it, by logistic regression on the evidence and margin.
+    """The probability that a plan lies where a match puts it.
+
+    The product of two: that walls meet so where a plan lies right (logistic in ``drawn`` and ``explained``), and that
+    the place is the right one of those that were found (logistic in ``lead``): behind another it is at most one half.
+    The lead is over all that were found, also over those that were refused since: the best of the rest is no better a
+    place than it was.
 
     The value is NaN when one of the maps has no wall, or they have none in common to tell from. The support is the
-    number of cells (about 0.1 m) of the robot's map on the plan. Details: ``log_odds`` and the features (``features``).
+    number of cells (about 0.1 m) of the robot's map on the plan. Details: ``fits`` and ``first``, the two factors, and
+    the features (``features``).
     """
 
-    def track(self, comparison: Comparison) -> _Anew:
-        return _Anew(comparison, _posterior)
+    def track(self, comparison: Comparison) -> Anew:
+        return Anew(comparison, _posterior)
 
 
 class PlanAgreement:
@@ -51,8 +45,8 @@ class PlanAgreement:
     the plan has, and ``common_m``, the length of the walls that both have.
     """
 
-    def track(self, comparison: Comparison) -> _Anew:
-        return _Anew(comparison, _agreement)
+    def track(self, comparison: Comparison) -> Anew:
+        return Anew(comparison, _agreement)
 
 
 class PlanDeviations:
@@ -66,22 +60,23 @@ class PlanDeviations:
     ``displaced_mean_m`` and ``displaced_max_m`` (how far off). The findings tell each piece of wall of 0.5 m and more.
     """
 
-    def track(self, comparison: Comparison) -> _Anew:
-        return _Anew(comparison, _deviations)
+    def track(self, comparison: Comparison) -> Anew:
+        return Anew(comparison, _deviations)
 
 
-def features(met: Agreement, margin: float, score: float) -> Mapping[str, float]:
+def features(met: Agreement, match: Match) -> Mapping[str, float]:
     """What is known of a placement, by name; all grow with what speaks for it.
 
-    ``evidence``: the log likelihood ratio, as ±log(1 + |L| / 10). ``margin``: the match's margin as a share of its
-    score, in [-1, 1]. ``drawn``: the share of the plan's walls that the robot has among those it looked at, ``built``:
-    of the robot's walls that the plan has.
+    ``lead``: how far the match's score lies above that of the best other place, as a share of it, in [-1, 1].
+    ``drawn``: the share of the plan's walls that the robot has among those it looked at. ``explained``: the share of
+    the robot's walls that the plan has.
     """
+    lead = match.evidence.get("lead", match.margin)
+    walls = met.table[2]
     return {
-        "evidence": math.copysign(math.log1p(abs(met.log_ratio) / _NATS), met.log_ratio),
-        "margin": max(-1.0, min(1.0, margin / max(abs(score), _LEAST_NATS))),
+        "lead": max(-1.0, min(1.0, lead / max(abs(match.score), _LEAST_NATS))),
         "drawn": met.common / max(1, met.common + met.missing),
-        "built": _built(met),
+        "explained": float(walls[2:].sum()) / max(1, int(walls.sum())),
     }
 
 
@@ -96,10 +91,20 @@ def _posterior(comparison: Comparison) -> Measurement:
     support = 0 if met is None else int(met.table[1:, 1:].sum())
     if met is None or not support:
         return Measurement("plan_posterior", math.nan, "1", support, "higher")
-    known = features(met, match.margin, match.score)
-    log_odds = INTERCEPT + math.fsum(c * known[name] for name, c in COEFFICIENTS.items())
-    value = 1.0 / (1.0 + math.exp(-max(-500.0, log_odds)))
-    return Measurement("plan_posterior", value, "1", support, "higher", {"log_odds": log_odds, **known})
+    known = features(met, match)
+    fits, first = chances(known)
+    details = {"fits": fits, "first": first, **known}
+    return Measurement("plan_posterior", fits * first, "1", support, "higher", details)
+
+
+def chances(known: Mapping[str, float]) -> tuple[float, float]:
+    """The two factors of the probability: that the walls meet as at a right place, and that it is the right one."""
+    fits = INTERCEPT + math.fsum(c * known[name] for name, c in COEFFICIENTS.items())
+    return _logistic(fits), _logistic(LEAD * known["lead"])
+
+
+def _logistic(log_odds: float) -> float:
+    return 1.0 / (1.0 + math.exp(-max(-500.0, log_odds)))
 
 
 def _agreement(comparison: Comparison) -> Measurement:

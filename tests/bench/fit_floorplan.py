@@ -1,9 +1,11 @@
-"""Fit the probability that a plan lies where a match puts it, on simulated buildings; and count what the matcher finds.
+"""Fit the probability that a plan lies where a match puts it, on simulated buildings, and judge it on others.
 
-    python tests/bench/fit_floorplan.py [--first 1000] [--count 60] [--seconds 600]
+    python tests/bench/fit_floorplan.py [--fit 1000 100] [--judge 3000 100] [--rows ROWS.npz]
 
-Prints the coefficients that ``mapgraft_floorplan/metrics.py`` holds, and what the rule's limit takes of the right and
-wrong hypotheses of buildings that were left out of the fit.
+Of each building a robot has mapped a part. Its plan, with wrong walls, is given with its scale and without, whole and,
+of every fourth building, with a part cut off. Prints the coefficients that ``mapgraft_floorplan/metrics.py`` holds, how
+many right and wrong hypotheses of the buildings to judge by they would take from each limit on, and how many first
+hypotheses are right with other costs of what lies beyond all that is drawn. Rows that were written are read again.
 """
 
 from __future__ import annotations
@@ -11,13 +13,15 @@ from __future__ import annotations
 import argparse
 import math
 import time
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.contracts import MapgraftError, Match, Transform
-from mapgraft_floorplan.evidence_table import agreement
+from mapgraft_floorplan.evidence_table import OUTSIDE, agreement
 from mapgraft_floorplan.grid_conversion import PlanToGrid
 from mapgraft_floorplan.layer import PlanLayer, Walls
 from mapgraft_floorplan.map_type import FloorPlanType
@@ -33,9 +37,9 @@ from mapgraft_recordings.buildings.plans import plan_of
 
 RIGHT_M, RIGHT_RAD = 0.5, math.radians(5.0)
 SCANS = (40, 80, 160, 320)
-TAKEN_FROM = 0.8
-FOLDS = 8
-RIDGE = 3e-4
+LIMITS = (0.5, 0.7, 0.8, 0.9, 0.95)
+COSTS = (0.0, 0.1, 0.25, 0.4, 1.0)
+RIDGE = 3e-5
 
 
 @dataclass
@@ -51,6 +55,11 @@ class Case:
     turn: NDArray[np.float64]
     shift: NDArray[np.float64]
     free: bool
+    cut: bool = False
+
+    @property
+    def name(self) -> str:
+        return f"{'any' if self.free else 'known'} scale, {'cut' if self.cut else 'whole'}"
 
     def error(self, match: Match) -> tuple[float, float]:
         """Mean displacement of the robot's walls (m), and of the rotation (rad)."""
@@ -63,126 +72,164 @@ class Case:
 
 
 @dataclass
-class Tally:
-    rows: list[list[float]] = field(default_factory=list)
-    right: list[bool] = field(default_factory=list)
-    seeds: list[int] = field(default_factory=list)
-    first: dict[bool, list[bool]] = field(default_factory=lambda: {True: [], False: []})
-    took_s: list[float] = field(default_factory=list)
-    names: tuple[str, ...] = ()
+class Row:
+    """A hypothesis, and what is known of it."""
+
+    seed: int
+    name: str
+    right: bool
+    log_ratio: float
+    outside: int
+    known: dict[str, float]
 
 
-def case_of(seed: int, free: bool, rng: np.random.Generator) -> Case:
-    """A partly mapped building and a plan of it, turned, shifted and, with ``free``, of any scale."""
-    house, scans = building(seed), int(rng.choice(SCANS))
-    grid = OccupancyGrid()
-    layer = grid.new_layer()
-    for observation in drive(house, seed + 1, scans):
-        grid.integrate(layer, observation)
-    drawn = plan_of(house, 0)
-    yaw, scale = rng.uniform(-math.pi, math.pi), math.exp(rng.uniform(-1.0, 1.0)) if free else 1.0
-    turn = scale * np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
-    moved = drawn.reshape(-1, 2) @ turn.T + rng.uniform(-20.0, 20.0, 2)
-    plan = as_plan(moved.reshape(-1, 4), None if free else 1.0, "the plan")
-    given, ends = drawn[(drawn[:, :2] != drawn[:, 2:]).any(axis=1)].reshape(-1, 2), plan.segments_m.reshape(-1, 2)
-    za, zb = (points[:, 0] + 1j * points[:, 1] for points in (given, ends))
-    factor = np.vdot(zb - zb.mean(), za - za.mean()) / np.vdot(zb - zb.mean(), zb - zb.mean())
-    shift = za.mean() - factor * zb.mean()
-    back = np.array([[factor.real, -factor.imag], [factor.imag, factor.real]])
-    as_grid = PlanToGrid().convert(
-        PlanLayer(Walls.of_metres(plan.segments_m), scale_known=plan.scale_known), FloorPlanType(), grid
+def cases_of(seed: int) -> Iterator[Case]:
+    """A partly mapped building and plans of it, turned, shifted and, where nobody tells, of any scale."""
+    rng, house = np.random.default_rng([5, seed]), building(seed)
+    for free in (False, True):
+        grid, scans = OccupancyGrid(), int(rng.choice(SCANS))
+        layer = grid.new_layer()
+        for observation in drive(house, seed + 1, scans):
+            grid.integrate(layer, observation)
+        drawn = plan_of(house, 0)
+        yaw, scale = rng.uniform(-math.pi, math.pi), math.exp(rng.uniform(-1.0, 1.0)) if free else 1.0
+        turn = scale * np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
+        moved = drawn.reshape(-1, 2) @ turn.T + rng.uniform(-20.0, 20.0, 2)
+        plan = as_plan(moved.reshape(-1, 4), None if free else 1.0, "the plan").segments_m
+        given, ends = drawn[(drawn[:, :2] != drawn[:, 2:]).any(axis=1)].reshape(-1, 2), plan.reshape(-1, 2)
+        za, zb = (points[:, 0] + 1j * points[:, 1] for points in (given, ends))
+        factor = np.vdot(zb - zb.mean(), za - za.mean()) / np.vdot(zb - zb.mean(), zb - zb.mean())
+        shift = za.mean() - factor * zb.mean()
+        back = np.array([[factor.real, -factor.imag], [factor.imag, factor.real]])
+        as_grid = _as_grid(plan, free)
+        known = np.array([shift.real, shift.imag])
+        case = Case(seed, house.kind, scans, grid.view(layer), grid.view(as_grid), as_grid, back, known, free)
+        yield case
+        if seed % 4 == 0:
+            as_grid = _as_grid(_cut(plan, np.random.default_rng([9, seed])), free)
+            yield replace(case, plan=grid.view(as_grid), layer=as_grid, cut=True)
+
+
+def _as_grid(walls: NDArray[np.float64], free: bool) -> GridLayer:
+    return PlanToGrid().convert(
+        PlanLayer(Walls.of_metres(walls), scale_known=not free), FloorPlanType(), OccupancyGrid()
     )
-    return Case(
-        seed,
-        house.kind,
-        scans,
-        grid.view(layer),
-        grid.view(as_grid),
-        as_grid,
-        back,
-        np.array([shift.real, shift.imag]),
-        free,
-    )
 
 
-def take(case: Case, tally: Tally) -> None:
-    """Match, and take in what is known of the first hypotheses; ``features`` as the metric has them."""
-    matcher = PlanCorrelation(scale="unknown" if case.free else "known")
-    began = time.perf_counter()
-    found = matcher.match(case.robot, case.plan)
-    tally.took_s.append(time.perf_counter() - began)
-    grid = OccupancyGrid()
-    robot = prepare(case.robot, 0.1)
-    for rank, match in enumerate(found[:2]):
+def _cut(walls: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+    """A plan of half to four fifths of what is drawn: the walls on one side of a line."""
+    angle = rng.uniform(0.0, math.tau)
+    along = walls.reshape(-1, 2, 2).mean(axis=1) @ np.array([math.cos(angle), math.sin(angle)])
+    return walls[along <= np.quantile(along, rng.uniform(0.5, 0.8))]
+
+
+def rows_of(case: Case, found: Sequence[Match]) -> list[Row]:
+    """What is known of the best two."""
+    grid, robot = OccupancyGrid(), prepare(case.robot, 0.1)
+    rows = []
+    for match in found[:2]:
         placed = grid.view(grid.place(case.layer, match.T_receiver_donor, match.scale))
-        known = features(agreement(robot, prepare(placed, 0.1), Transform.identity()), match.margin, match.score)
+        met = agreement(robot, prepare(placed, 0.1), Transform.identity())
         off_m, off_rad = case.error(match)
-        ok = off_m <= RIGHT_M and off_rad <= RIGHT_RAD
-        tally.names = tuple(known)
-        tally.rows.append(list(known.values()))
-        tally.right.append(ok)
-        tally.seeds.append(case.seed)
-        if rank == 0:
-            tally.first[case.free].append(ok)
-            print(f"{case.seed} {case.kind:10} {case.scans:3} scans {'any scale' if case.free else 'known':9}", end=" ")
-            print(
-                "right" if ok else "wrong",
-                f"{off_m:.2f} m, score {match.score:.0f}, margin {match.margin:.0f}",
-                flush=True,
-            )
-    if not found:
-        tally.first[case.free].append(False)
+        right = off_m <= RIGHT_M and off_rad <= RIGHT_RAD
+        rows.append(Row(case.seed, case.name, right, match.score, met.outside, dict(features(met, match))))
+    return rows
 
 
-def fit(rows: NDArray[np.float64], right: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Coefficients and intercept of a logistic regression by Newton's method, with a little ridge."""
-    x = np.column_stack((rows, np.ones(len(rows))))
-    w = np.zeros(x.shape[1])
-    for _ in range(60):
-        p = 1.0 / (1.0 + np.exp(-np.clip(x @ w, -30, 30)))
-        gradient = x.T @ (p - right) + RIDGE * len(rows) * np.append(w[:-1], 0.0)
-        hessian = (x.T * (p * (1 - p))) @ x + RIDGE * len(rows) * np.diag(np.append(np.ones(len(w) - 1), 1e-6))
-        w = w - np.linalg.solve(hessian, gradient)
-    return w
+def measured(seeds: range) -> list[Row]:
+    """The rows of all buildings, told as they come."""
+    rows, took_s = [], []
+    for seed in seeds:
+        for case in cases_of(seed):
+            began = time.process_time()
+            try:
+                found = PlanCorrelation(scale="unknown" if case.free else "known").match(case.robot, case.plan)
+            except MapgraftError as error:
+                print(seed, error)
+                continue
+            took_s.append(time.process_time() - began)
+            rows += (made := rows_of(case, found))
+            said = "right" if made and made[0].right else "wrong"
+            print(f"{seed} {case.kind:10} {case.scans:3} scans, {case.name:18} {said}", flush=True)
+    print(f"matching took {np.median(took_s):.2f} s of a processor in the median, {max(took_s):.2f} s at most")
+    return rows
+
+
+def fit(x: NDArray[np.float64], lead: NDArray[np.float64], right: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Coefficients, intercept and that of the lead, of the greatest likelihood, with a little ridge."""
+    from scipy.optimize import minimize
+
+    def cost(w: NDArray[np.float64]) -> float:
+        p = np.clip(probability(w, x, lead), 1e-9, 1.0 - 1e-9)
+        return float(-np.mean(np.log(np.where(right, p, 1.0 - p))) + 0.5 * RIDGE * (w[:-2] @ w[:-2] + w[-1] ** 2))
+
+    found: NDArray[np.float64] = minimize(cost, np.append(np.zeros(x.shape[1] + 1), 5.0), method="BFGS").x
+    return found
+
+
+def probability(w: NDArray[np.float64], x: NDArray[np.float64], lead: NDArray[np.float64]) -> NDArray[np.float64]:
+    """As the metric has it."""
+    fits, first = w[-2] + x @ w[:-2], w[-1] * lead
+    p: NDArray[np.float64] = 1.0 / (1.0 + np.exp(-np.clip(fits, -30, 30))) / (1.0 + np.exp(-np.clip(first, -30, 30)))
+    return p
+
+
+def told(rows: list[Row]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """The features that the metric uses, the leads, and which hypotheses are right."""
+    x = np.array([[row.known[name] for name in COEFFICIENTS] for row in rows])
+    return x, np.array([row.known["lead"] for row in rows]), np.array([row.right for row in rows])
+
+
+def judged(rows: list[Row], w: NDArray[np.float64]) -> None:
+    """Print what is taken from each limit on."""
+    x, lead, right = told(rows)
+    p = probability(w, x, lead)
+    print(f"{right.sum()} right hypotheses, {(~right).sum()} wrong")
+    for limit in LIMITS:
+        taken = p >= limit
+        print(f"  from {limit} on {taken[right].sum()} right ({100 * taken[right].mean():.0f} %)", end=" ")
+        print(f"and {(taken & ~right).sum()} wrong")
+
+
+def counted(rows: list[Row]) -> None:
+    """Print for how many the first hypothesis is right, also of the best two were the cost another."""
+    asked: dict[tuple[str, int], list[Row]] = {}
+    for row in rows:
+        asked.setdefault((row.name, row.seed), []).append(row)
+    for name in sorted({name for name, _ in asked}):
+        pairs = [pair for (one, _), pair in asked.items() if one == name]
+        print(f"{name}: first hypothesis right for {sum(pair[0].right for pair in pairs)} of {len(pairs)}", end="")
+        for cost in COSTS:
+            best = [max(pair, key=lambda row: row.log_ratio + (OUTSIDE - cost) * row.outside) for pair in pairs]
+            print(f", {sum(row.right for row in best)} at {cost:g}", end="")
+        print()
 
 
 def main() -> None:
-    asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("--first", type=int, default=1000)
-    asked.add_argument("--count", type=int, default=60)
-    asked.add_argument("--seconds", type=float, default=math.inf, help="stop after about so long")
-    asked.add_argument("--rows", help="write seed, right and the features of every hypothesis to this file")
+    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    asked.add_argument("--fit", type=int, nargs=2, default=(1000, 100), metavar=("FIRST", "COUNT"))
+    asked.add_argument("--judge", type=int, nargs=2, default=(3000, 100), metavar=("FIRST", "COUNT"))
+    asked.add_argument("--rows", type=Path, help="write all hypotheses to this file, or read them from it")
     options = asked.parse_args()
-    tally, rng = Tally(), np.random.default_rng(5)
-    ends = time.monotonic() + options.seconds
-    for seed in range(options.first, options.first + options.count):
-        if time.monotonic() > ends:
-            break
-        for free in (False, True):
-            try:
-                case = case_of(seed, free, rng)
-                take(case, tally)
-            except MapgraftError as error:
-                print(seed, error)
-    if options.rows:
-        np.savetxt(options.rows, np.column_stack((tally.seeds, tally.right, tally.rows)), header=" ".join(tally.names))
-    columns = [tally.names.index(name) for name in COEFFICIENTS]
-    rows, right = np.array(tally.rows)[:, columns], np.array(tally.right)
-    w = fit(rows, right)
-    told = {name: round(float(value), 3) for name, value in zip(COEFFICIENTS, w, strict=False)}
-    print(told, "intercept", round(float(w[-1]), 3))
-    fold, p = np.array(tally.seeds) % FOLDS, np.empty(len(rows))
-    for k in range(FOLDS):
-        out = fold == k
-        if out.any():
-            x = np.column_stack((rows[out], np.ones(out.sum())))
-            p[out] = 1.0 / (1.0 + np.exp(-(x @ fit(rows[~out], right[~out]))))
-    taken = p >= TAKEN_FROM
-    print(f"cross-validated: {right.sum()} right of which {100 * taken[right].mean():.0f} % taken,", end=" ")
-    print(f"{(~right).sum()} wrong of which {taken[~right].sum()} taken")
-    for free, ok in tally.first.items():
-        print(f"{'any scale' if free else 'known scale'}: first hypothesis right for {sum(ok)} of {len(ok)}")
-    print(f"matching took {np.median(tally.took_s):.2f} s in the median, {max(tally.took_s):.2f} s at most")
+    sets = [range(first, first + count) for first, count in (options.fit, options.judge)]
+    if options.rows and options.rows.exists():
+        kept = [Row(**row) for row in np.load(options.rows, allow_pickle=True)["rows"].tolist()]
+    else:
+        kept = [row for seeds in sets for row in measured(seeds)]
+        if options.rows:
+            np.savez(options.rows, rows=np.array([{**_fields(row)} for row in kept], object))
+    ours, others = ([row for row in kept if row.seed in seeds] for seeds in sets)
+    w = fit(*told(ours))
+    named = {name: round(float(value), 3) for name, value in zip(COEFFICIENTS, w, strict=False)}
+    print(named, "intercept", round(float(w[-2]), 3), "lead", round(float(w[-1]), 3))
+    for what, rows in (("fitted on", ours), ("judged by", others)):
+        print(f"{what} {len({row.seed for row in rows})} buildings")
+        judged(rows, w)
+        counted(rows)
+
+
+def _fields(row: Row) -> dict[str, object]:
+    return {name: getattr(row, name) for name in Row.__dataclass_fields__}
 
 
 if __name__ == "__main__":

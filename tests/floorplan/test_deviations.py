@@ -95,6 +95,22 @@ def test_a_wrong_place_is_improbable(robot: tuple[OccupancyGrid, Layer], walls: 
     assert PlanPosterior().track(comparison).update(Step()).value < 0.5
 
 
+def test_the_best_of_the_rest_is_no_better_than_it_was(
+    robot: tuple[OccupancyGrid, Layer], walls: NDArray[np.float64]
+) -> None:
+    """When the best place has been refused the engine tells margins among the others."""
+    comparison = laid(*robot, walls)
+    comparison.match = Match(HERE, 800.0, 700.0, evidence={"lead": 700.0})
+    first = PlanPosterior().track(comparison).update(Step())
+    comparison.match = Match(HERE, 800.0, 700.0, evidence={"lead": -300.0})
+    second = PlanPosterior().track(comparison).update(Step())
+    comparison.match = Match(HERE, 800.0, 0.0)
+    tied = PlanPosterior().track(comparison).update(Step())
+    assert first.value > 0.9
+    assert tied.value == pytest.approx(0.5 * tied.details["fits"])
+    assert second.value < 0.1
+
+
 def test_maps_far_apart_are_not_measured(robot: tuple[OccupancyGrid, Layer], walls: NDArray[np.float64]) -> None:
     comparison = laid(*robot, walls, Transform.planar(500.0, 0.0, 0.0))
     for metric in (PlanAgreement(), PlanDeviations(), PlanPosterior()):
