@@ -118,7 +118,7 @@ def main() -> None:
     last = result.maps
     show(panels[1, 0], truth["bravo"], walls(last["bravo"], fused=True), DONOR)
     show(panels[1, 0], truth["bravo"], walls(last["bravo"]), OWN)
-    finish(panels[1, 0], "bravo at the end: its cloud, and what alpha added (blue)")
+    finish(panels[1, 0], "bravo at the end: its cloud, and what others added (blue)")
 
     show(panels[1, 1], truth["charlie"], walls(last["charlie"], fused=True), DONOR)
     show(panels[1, 1], truth["charlie"], walls(last["charlie"]), OWN)
