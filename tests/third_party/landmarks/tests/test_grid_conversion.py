@@ -10,6 +10,7 @@ from mapgraft_landmarks.layer import LandmarkLayer
 from mapgraft_landmarks.map_type import PointLandmarks
 
 from mapgraft.contracts import MapError, Observation, Transform
+from mapgraft_grid.cells import HITS, cells_of
 from mapgraft_grid.map_type import OccupancyGrid
 
 TwoWalks = tuple[list[Observation], list[Observation], Transform]
@@ -26,11 +27,11 @@ def layer(two_walks: TwoWalks) -> LandmarkLayer:
 
 
 @pytest.mark.parametrize("resolution_m", RESOLUTIONS_M)
-def test_every_sighting_is_a_hit(layer: LandmarkLayer, resolution_m: float) -> None:
+def test_every_sighting_of_what_stands_is_a_hit(layer: LandmarkLayer, resolution_m: float) -> None:
     target = OccupancyGrid(resolution_m=resolution_m)
     grid = GridConversion().convert(layer, TYPE, target)
-    hits, _ = grid.pool.counts(np.sort(grid.pool.index.keys))
-    assert hits.sum() == layer.cells.counts[:, 1].sum() > 100
+    hits = cells_of(grid)[1][:, HITS]
+    assert hits.sum() == TYPE.view(layer).landmarks.sightings.sum() > 100
     assert target.metadata(grid).observations == 30
 
 
