@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import mapgraft
 from mapgraft.contracts import GridMessage, Observation, Transform
 from mapgraft.matching.pixels import frame_of, in_pixels, moved, planar
 from mapgraft_floorplan import raster_file
@@ -24,6 +25,7 @@ from mapgraft_grid.map_type import OccupancyGrid
 
 HERE = Transform.identity()
 RIGHT_M, RIGHT_RAD = 0.15, math.radians(3.0)
+SIMULATED = Transform.planar(1.0247, 1.2827, math.radians(0.159))  # of robot 2; the maps of all three share a frame
 
 
 def seen(message: GridMessage) -> tuple[OccupancyGrid, GridMap]:
@@ -60,9 +62,8 @@ def arena(shared_data: Path) -> dict[str, Transform]:
 
 @pytest.mark.slow
 def test_simulated_robots_lie_on_the_plan_they_drove_in(arena: dict[str, Transform]) -> None:
-    truth = Transform.planar(1.0247, 1.2827, math.radians(0.159))  # of robot 2; the maps of all three share a frame
     for n in (1, 2, 3):
-        shift_m, turn_rad = truth.difference(arena[f"m_three_robots_sim_robot{n}.png"])
+        shift_m, turn_rad = SIMULATED.difference(arena[f"m_three_robots_sim_robot{n}.png"])
         assert shift_m < RIGHT_M
         assert turn_rad < RIGHT_RAD
 
@@ -82,12 +83,65 @@ def test_real_robots_on_the_plan_agree_with_each_other(shared_data: Path, arena:
         assert turn_rad < RIGHT_RAD
 
 
-SECOND = pytest.mark.xfail(reason="the right place comes second, by 27 nats of 1105: the verdict is not a merge")
-LAYOUTS = [
-    pytest.param(place, n, marks=SECOND) if (place, n) == ("KPT4A", 3) else (place, n)
-    for place in ("HIH", "KPT4A")
-    for n in (1, 2, 3, 4)
-]
+PLAN = {"mrl_arena": {"options": {"format": "plan_image"}}}
+
+
+def laid(result: mapgraft.Result) -> dict[str, Transform]:
+    """``T_plan_robot`` of the robots that have taken in the plan."""
+    standing = result.standing.values()
+    return {e.receiver: e.T_receiver_donor.inverse() for e in standing if e.donor == "mrl_arena" and e.T_receiver_donor}
+
+
+@pytest.mark.slow
+def test_three_robots_take_in_the_plan_while_they_map(shared_data: Path) -> None:
+    bags = [shared_data / "bags/three_robots_sim" / f"robot{n}.bag" for n in (1, 2, 3)]
+    found = laid(mapgraft.run([*bags, shared_data / "floorplans/mrl_arena.yaml"], {"robots": PLAN}))
+    assert sorted(found) == ["robot1", "robot2", "robot3"]
+    for T_plan_robot in found.values():  # the maps of all three share a frame
+        shift_m, turn_rad = SIMULATED.difference(T_plan_robot)
+        assert shift_m < RIGHT_M
+        assert turn_rad < RIGHT_RAD
+
+
+@pytest.mark.slow
+def test_two_real_robots_take_in_the_plan_while_they_map(shared_data: Path) -> None:
+    folder = shared_data / "bags/arena"
+    robots = {f"arena_raw_{n}": {"poses": {"file": str(folder / f"arena_gmapping_{n}.bag")}} for n in (1, 2)}
+    files = [folder / "arena_raw_1.bag", folder / "arena_raw_2.bag", shared_data / "floorplans/mrl_arena.yaml"]
+    found = laid(mapgraft.run(files, {"robots": robots | PLAN}))
+    assert sorted(found) == ["arena_raw_1", "arena_raw_2"]
+    pairs = json.loads((shared_data / "maps/grid_pairs/pairs.json").read_text())
+    sides = {"a": "m_arena_gmapping_1.png", "b": "m_arena_gmapping_2.png"}
+    told = next(p["T_m_b2a"] for p in pairs if all(p[side] == name for side, name in sides.items()))
+    T_1_2 = Transform.planar(told["x"], told["y"], math.radians(told["yaw_deg"]))
+    shift_m, turn_rad = T_1_2.difference(found["arena_raw_1"].inverse() @ found["arena_raw_2"])
+    assert shift_m < RIGHT_M
+    assert turn_rad < RIGHT_RAD
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_an_image_of_the_plan_tells_its_scale_by_the_map(shared_data: Path, number: int) -> None:
+    """The image alone, without the 0.01 m of its pixels: the same place, and the scale."""
+    described = {}
+    for pair in json.loads((shared_data / "maps/grid_pairs/pairs.json").read_text()):
+        described |= {pair[side]: (pair[f"res_{side}"], pair[f"origin_{side}"]) for side in "ab"}
+    name = f"m_three_robots_sim_robot{number}.png"
+    message = image_map.read(
+        shared_data / "maps/grid_pairs" / name, resolution_m=described[name][0], origin=described[name][1]
+    )
+    grid, robot = seen(message)
+    image = raster_file.read(shared_data / "floorplans/mrl_arena.pgm")
+    best = PlanCorrelation(scale="unknown").match(robot, on_grid(grid, image))[0]
+    assert best.scale * image.resolution_m == pytest.approx(0.01, rel=0.02)
+    middle = np.array([[5.0, 5.0]])  # of the arena, in metres of the plan
+    in_image = image.T_map_origin.apply(middle / 0.01 * image.resolution_m)
+    there = best.T_receiver_donor.apply(best.scale * in_image)
+    assert np.hypot(*(there - SIMULATED.inverse().apply(middle)).T)[0] < RIGHT_M
+
+
+LAYOUTS = [(place, n) for place in ("HIH", "KPT4A") for n in (1, 2, 3, 4)]
+RIGHT_PX = 15.0  # 0.4 m: the keypoints and the best similarity leave 6 to 10
 
 
 @pytest.mark.slow
@@ -105,4 +159,5 @@ def test_flats_against_their_layouts_of_unknown_scale(shared_data: Path, place: 
     assert frames[1] is not None
     T_px = in_pixels(frames[0], frames[1], planar(best.T_receiver_donor, best.scale))
     off = moved(T_px, np.array(pair["keypoints_b"])) - np.array(pair["keypoints_a"])
-    assert math.sqrt(float((off**2).sum(axis=1).mean())) < 40.0
+    assert math.sqrt(float((off**2).sum(axis=1).mean())) < RIGHT_PX
+    assert best.margin > 0.5 * best.score
