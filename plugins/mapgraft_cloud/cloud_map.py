@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,7 @@ class CloudMap:
         self.keys, self.log_odds, self.offsets = keys, log_odds, offsets
         for array in (keys, log_odds, offsets):
             array.setflags(write=False)
-        self._agreed: dict[bool, tuple[CloudMap, Agreement]] = {}
+        self._agreed: dict[bool, tuple[ref[CloudMap], Agreement]] = {}
 
     @property
     def map_type(self) -> str:
@@ -120,12 +121,12 @@ class CloudMap:
         return int(seen.sum()) * self.voxel_m**2
 
     def agreed(self, donor: CloudMap, walls_only: bool) -> Agreement:
-        """How it agrees with a map that lies in its frame; kept for the last one, because several metrics ask."""
+        """How it agrees with a map that lies in its frame; kept while the last one lives: several metrics ask."""
         from mapgraft_cloud.agreement import agreement
 
         known = self._agreed.get(walls_only)
-        if known is None or known[0] is not donor:
-            known = self._agreed[walls_only] = (donor, agreement(self, donor, Transform.identity(), walls_only))
+        if known is None or known[0]() is not donor:
+            known = self._agreed[walls_only] = (ref(donor), agreement(self, donor, Transform.identity(), walls_only))
         return known[1]
 
     @cached_property

@@ -24,8 +24,9 @@ def guesses(target: Surface, source: Surface, most: int) -> list[Transform]:
     """The transforms under which most walls of both lie over each other, best first, none near a better one.
 
     Walls are counted in cells of 0.4 m seen from above (a cell counts once, however high its wall is) and correlated in
-    all shifts by FFT, for every 3 degrees of yaw; the height comes from the histograms of heights. Empty where a map
-    has hardly any walls.
+    all shifts by FFT, for every 3 degrees of yaw; the height comes from the histograms of heights. Two maps that are
+    more than 200 m across together get larger cells, and cells of metres tell little. Empty where a map has hardly any
+    walls.
     """
     from scipy import fft
 

@@ -37,6 +37,7 @@ from mapgraft_recordings.buildings.spatial import record_spatial, spatial_observ
 CHOSEN_ON, JUDGED_ON = 500, 900  # seeds of buildings
 RULES = {True: "clouds that know what is free", False: "clouds of which one has no free space"}
 SWEEPS = (30, 60, 120)
+COMMON_M2 = 15.0  # of walls that two drives must both have seen
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ class Row:
     contradiction: float
     squares: float  # of the error in x, y, z, yaw in units of the covariance
     taken: bool  # by the default rules
+    common_m2: float  # what is shared under the true transform; 0 without one
 
 
 def maps_of(seed: int, drive: int, sweeps: int, T: Transform) -> tuple[CloudMap, CloudMap]:
@@ -85,6 +87,7 @@ def rows_of(
 ) -> Iterator[Row]:
     matches = Kiss().match(own, donor)
     agreed = [agreement(own, donor, match.T_receiver_donor, walls_only=True) for match in matches]
+    common_m2 = 0.0 if truth is None else agreement(own, donor, truth, walls_only=True).shared_m2
     decision = acceptor.accept([candidate(*pair) for pair in zip(matches, agreed, strict=True)])
     for rank, (match, found) in enumerate(zip(matches, agreed, strict=True)):
         error_m, error_deg, squares = math.inf, math.inf, math.inf
@@ -105,6 +108,7 @@ def rows_of(
             *shares(found),
             squares,
             rank == decision.chosen,
+            common_m2,
         )
 
 
@@ -177,7 +181,9 @@ def told_of_decisions(rows: list[Row]) -> Iterator[str]:
     others = [row for row in rows if not row.related and row.rank == 0]
     right = [row for row in best if row.right]
     taken = [row for row in rows if row.taken]
+    common = sum(row.common_m2 >= COMMON_M2 for row in best)
     yield f"  best hypothesis right: {len(right)} of {len(best)} pairs"
+    yield f"    {common} of these pairs have {COMMON_M2:g} m² of wall in common"
     yield f"  taken: {sum(row.right for row in taken)} right, {sum(not row.right for row in taken)} wrong"
     yield f"    of {len(best)} pairs of one building and {len(others)} of different ones"
     for what, these in (("best right", right), ("taken right", [row for row in taken if row.right])):

@@ -71,7 +71,7 @@ def run(points: int, voxel_m: float, sweep: bool, folder: Path) -> None:
 def warm_up(kind: PointCloud, grid: OccupancyGrid) -> None:
     """Compile everything first."""
     layer, still = kind.new_layer(), Transform.identity()
-    cloud = Cloud(hall(2000), origin_m=(50.0, 40.0, 3.0))
+    cloud = Cloud(hall(2000) / 20.0, origin_m=(2.5, 2.0, 0.2))
     kind.integrate(layer, Observation("r", 0, 0, "file", CLOUD, cloud, still, still))
     kind.view(layer)
     kind.region(kind.decode(kind.encode(kind.place(layer, Transform.planar(1.0, 2.0, 0.3)))))
