@@ -27,6 +27,7 @@ from mapgraft_recordings.outcome import differences as differing
 from mapgraft_recordings.simulator import build_world, distance_to_walls, load_plan, parse_plan, trajectory_of
 
 NAME = "heterogeneous"
+OTHER_SEED = 2
 ROOM: dict[str, Any] = {
     "name": "a room",
     "floor": {
@@ -73,7 +74,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
 def other(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder in which the script has made the recording of another seed."""
     folder = tmp_path_factory.mktemp("other")
-    assert main(["--demo", NAME, "--seed", "1", "-o", str(folder)]) == 0
+    assert main(["--demo", NAME, "--seed", str(OTHER_SEED), "-o", str(folder)]) == 0
     return folder
 
 
@@ -204,6 +205,14 @@ def test_the_plan_enters_as_a_prior_and_its_mistakes_are_told(ran: Ran) -> None:
     assert priors and all("prior" in evidence for evidence in priors)
 
 
+def test_lines_and_cloud_meet_as_grids(ran: Ran) -> None:
+    standing = {(merge.receiver, merge.donor): merge.right for merge in ran.found.standing}
+    assert standing["bravo", "charlie"] and standing["charlie", "bravo"]
+    assert not any(
+        told.right is False for told in ran.found.events if told.kind == "merged" and told.donor == "charlie"
+    )
+
+
 def test_pairs_that_cannot_meet_are_turned_away(ran: Ran) -> None:
     turned = {(told.receiver, told.donor) for told in ran.found.events if told.kind == "rejected"}
     assert turned >= {("bravo", "plan"), *(("plan", robot) for robot in ("alpha", "bravo", "charlie"))}
@@ -293,8 +302,8 @@ def test_a_demo_is_named_on_the_command_line(tmp_path: Path, capsys: pytest.Capt
 @pytest.mark.slow
 def test_another_seed_comes_out_so_too(other: Path) -> None:
     pytest.importorskip("svgelements", reason="needs the extra floorplan")
-    mission = build_mission(load_plan(DEMO / "floor.yaml"), load_mission_plan(DEMO / "mission.yaml"), 1)
+    mission = build_mission(load_plan(DEMO / "floor.yaml"), load_mission_plan(DEMO / "mission.yaml"), OTHER_SEED)
     paths = [path for path in sorted(other.iterdir()) if path.name != "config.yaml"]
     outcome = judged(mapgraft.run(paths, other / "config.yaml").events, frames(mission, paths), NAME)
-    assert outcome.tells_the_story and len(outcome.standing) == 6, describe(outcome)
+    assert outcome.tells_the_story and len(outcome.standing) == 8, describe(outcome)
     assert all(robots == ("alpha", "charlie") for robots in outcome.found.values()), describe(outcome)
