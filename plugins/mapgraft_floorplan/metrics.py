@@ -14,9 +14,9 @@ from mapgraft_floorplan.standing import agreement_of, differences_of
 _LEAST_NATS: Final = 20.0
 # Fitted to the best two hypotheses in simulated buildings, with plans of known and of unknown scale, whole and in part;
 # the buildings by which it is judged are others (tests/bench/fit_floorplan.py, docs/floorplans.md).
-COEFFICIENTS: Final = {"drawn": 17.52, "explained": 9.55}
-INTERCEPT: Final = -18.0
-LEAD: Final = 14.6
+COEFFICIENTS: Final = {"drawn": 14.76, "explained": 10.75}
+INTERCEPT: Final = -16.14
+LEAD: Final = 13.8
 
 
 class PlanPosterior:
