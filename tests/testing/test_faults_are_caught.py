@@ -44,6 +44,8 @@ def test_a_stream_that_hears_nothing_is_not_called_kept() -> None:
             return frozenset()
 
     class Laws(beacon_laws.EchoesLaws):
+        examples = 10
+
         def make_metric(self) -> Metric:
             made = echoes.Echoes()
             made.track = Deaf

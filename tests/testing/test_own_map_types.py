@@ -9,7 +9,7 @@ from mapgraft_grid.map_type import OccupancyGrid
 
 
 class TestGridsFromScans(MapTypeLaws):
-    examples = 8
+    examples = 5
 
     def make_map_type(self) -> MapType:
         return OccupancyGrid(resolution_m=0.1)

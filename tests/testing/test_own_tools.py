@@ -16,7 +16,7 @@ PLUGINS = load_plugins()
 
 
 class Grids(Supply):
-    examples = 5
+    examples = 4
 
     def make_map_type(self) -> MapType:
         return OccupancyGrid(resolution_m=0.1)
