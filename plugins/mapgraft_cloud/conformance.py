@@ -16,7 +16,7 @@ class CloudToGrid(ConversionLaws):
     """Sweeps only: of a ready-made cloud of one sweep half is floor and ceiling, which no grid has."""
 
     kind: ClassVar[str] = CLOUD
-    examples: ClassVar[int] = 4
+    examples: ClassVar[int] = 3
 
     def make_map_type(self) -> PointCloud:
         return PointCloud()
@@ -35,7 +35,7 @@ class GridToSlice(ConversionLaws):
     """Grids, also read by somebody who wants everything to be seen twice."""
 
     kind: ClassVar[str] = SCAN
-    examples: ClassVar[int] = 4
+    examples: ClassVar[int] = 3
 
     def make_map_type(self) -> OccupancyGrid:
         return OccupancyGrid()
@@ -54,7 +54,7 @@ class GicpLaws(MatcherLaws):
     """It refines a prior, and refuses to guess one."""
 
     kind: ClassVar[str] = CLOUD
-    examples: ClassVar[int] = 3
+    examples: ClassVar[int] = 2
     uses_prior: ClassVar[bool] = True
     needs_prior: ClassVar[bool] = True
 

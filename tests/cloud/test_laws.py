@@ -17,7 +17,7 @@ from mapgraft_cloud.voxels import Voxels
 
 class TestPointCloud(MapTypeLaws):
     kind: ClassVar[str] = CLOUD
-    examples: ClassVar[int] = 4
+    examples: ClassVar[int] = 3
 
     def make_map_type(self) -> PointCloud:
         return PointCloud()
@@ -28,7 +28,7 @@ class TestPointCloud(MapTypeLaws):
 
 class TestReadyMadePointCloud(MapTypeLaws):
     kind: ClassVar[str] = CLOUD_MAP
-    examples: ClassVar[int] = 3
+    examples: ClassVar[int] = 2
 
     def make_map_type(self) -> PointCloud:
         return PointCloud()
@@ -39,7 +39,7 @@ class TestReadyMadePointCloud(MapTypeLaws):
 
 class TestWeighedVoxelsOfAnotherSize(MapTypeLaws):
     kind: ClassVar[str] = CLOUD
-    examples: ClassVar[int] = 3
+    examples: ClassVar[int] = 2
 
     def make_map_type(self) -> PointCloud:
         return PointCloud(resolution_m=0.15, l_hit=0.7, l_miss=-0.3)
@@ -53,7 +53,7 @@ class TestWeighedVoxelsOfAnotherSize(MapTypeLaws):
 
 class TestVoxels(FuserLaws):
     kind: ClassVar[str] = CLOUD
-    examples: ClassVar[int] = 3
+    examples: ClassVar[int] = 2
 
     def make_map_type(self) -> PointCloud:
         return PointCloud()
@@ -65,7 +65,7 @@ class TestVoxels(FuserLaws):
 class TestCloudOverlap(MetricLaws):
     kind: ClassVar[str] = CLOUD
     metric_name: ClassVar[str | None] = "cloud_overlap"
-    examples: ClassVar[int] = 4
+    examples: ClassVar[int] = 3
 
     def make_map_type(self) -> PointCloud:
         return PointCloud()
@@ -77,7 +77,7 @@ class TestCloudOverlap(MetricLaws):
 class TestCloudContradiction(MetricLaws):
     kind: ClassVar[str] = CLOUD
     metric_name: ClassVar[str | None] = "cloud_contradiction"
-    examples: ClassVar[int] = 4
+    examples: ClassVar[int] = 2
 
     def make_map_type(self) -> PointCloud:
         return PointCloud()
@@ -96,7 +96,7 @@ class TestGridToSlice(GridToSlice):
 
 class TestKiss(MatcherLaws):
     kind: ClassVar[str] = CLOUD
-    examples: ClassVar[int] = 2
+    examples: ClassVar[int] = 1
     uses_prior: ClassVar[bool] = True
 
     @pytest.fixture(autouse=True)
