@@ -26,12 +26,12 @@ PLUGINS = load_plugins()
 
 
 class TestPlans(DrawnPlans):
-    examples: ClassVar[int] = 6
+    examples: ClassVar[int] = 5
 
 
 class TestPlansFromGrids(MapTypeLaws):
     kind: ClassVar[str] = GRID_MESSAGE
-    examples: ClassVar[int] = 4
+    examples: ClassVar[int] = 3
     moved_share: ClassVar[float] = 0.8
 
     def make_map_type(self) -> MapType:
@@ -43,7 +43,7 @@ class TestPlanToGrid(PlanToGridLaws):
 
 
 class TestPlanOfUnknownScaleToGrid(PlanOfUnknownScaleToGridLaws):
-    examples: ClassVar[int] = 4
+    examples: ClassVar[int] = 2
 
 
 class TestPlanToLines(PlanToLinesLaws):
@@ -68,14 +68,14 @@ class TestPriorsInLines(PriorsInLines):
 
 
 class TestGridsWithPriors(OnGrids, MapTypeLaws):
-    examples: ClassVar[int] = 3
+    examples: ClassVar[int] = 2
 
     def make_fuser(self) -> Fuser:
         return PlanPrior()
 
 
 class TestLinesWithPriors(MapTypeLaws):
-    examples: ClassVar[int] = 3
+    examples: ClassVar[int] = 2
 
     def make_map_type(self) -> MapType:
         return LineSegments()
@@ -85,7 +85,7 @@ class TestLinesWithPriors(MapTypeLaws):
 
 
 class TestMatcher(OnGrids, MatcherLaws):
-    examples: ClassVar[int] = 3
+    examples: ClassVar[int] = 2
     uses_prior = True
 
     def make_matcher(self) -> Matcher:
@@ -93,7 +93,7 @@ class TestMatcher(OnGrids, MatcherLaws):
 
 
 class OfGrids(OnGrids, MetricLaws):
-    examples: ClassVar[int] = 4
+    examples: ClassVar[int] = 3
 
     def make_metric(self) -> Metric:
         return cast("Metric", PLUGINS.make("metric", str(self.metric_name)))
