@@ -141,7 +141,7 @@ class FloorPlanType:
         return (drawing.markers(walls.segments_m),) if len(walls.rows) else ()
 
     def files(self, map_: Map, stem: str) -> Mapping[str, bytes]:
-        """``stem.svg`` in millimetres, which the format ``plan_svg`` reads again; EmptyMapError when there are no walls."""
+        """``stem.svg`` in millimetres, which the format ``plan_svg`` reads again; EmptyMapError without walls."""
         return {f"{stem}.svg": drawing.svg(as_map(map_).walls.segments_m)}
 
 
