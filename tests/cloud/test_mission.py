@@ -24,7 +24,10 @@ from mapgraft_recordings.simulator.messages import Message
 from mapgraft_recordings.writing import write_mcap
 
 SEED, SWEEPS = 2, 30
-AT_THE_END: dict[str, Any] = {"exchange": {"use": "every", "seconds": 100_000}}
+AT_THE_END: dict[str, Any] = {
+    "exchange": {"use": "every", "seconds": 100_000},
+    "output": {"report": False},
+}
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +74,7 @@ def test_two_cloud_robots_merge_and_are_parted_exactly(
         apart_m, apart_deg = displaced(event.T_receiver_donor, truth, middle)
         assert apart_m < 0.25
         assert apart_deg < 1.0
-    merge_id = standing["ada", "bob"].merge_id
-    verdict = {"merge": merge_id, "action": "revert", "by": "test"}
+    verdict = {"merge": standing["ada", "bob"].merge_id, "action": "revert", "by": "test"}
     reverted = mapgraft.run(paths, {**AT_THE_END, "verdicts": [verdict]}, tmp_path / "reverted")
     never = mapgraft.run(paths, {**AT_THE_END, "forbid": [["ada", "bob"]]}, tmp_path / "never")
     assert [e.exactness.exact for e in reverted.events if e.kind == "reverted" and e.receiver == "ada"] == [True]

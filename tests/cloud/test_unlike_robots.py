@@ -17,7 +17,10 @@ from mapgraft_recordings.buildings.spatial import record_spatial
 from mapgraft_recordings.writing import write_mcap
 
 SEED, SWEEPS, SCANS = 2, 30, 120
-AT_THE_END: dict[str, Any] = {"exchange": {"use": "every", "seconds": 100_000}}
+AT_THE_END: dict[str, Any] = {
+    "exchange": {"use": "every", "seconds": 100_000},
+    "output": {"report": False},
+}
 MAPS = {"lines": {"type": "line_segments"}, "grid": {"type": "occupancy_grid"}}
 
 
