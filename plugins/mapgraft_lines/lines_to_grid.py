@@ -37,7 +37,7 @@ MOST_CELLS: Final = 100_000_000  # samples of walls and cells of free space that
 class LinesToGrid:
     """Draws pieces of walls as hits and free space as misses.
 
-    Walls are those of the map as the robot that made it reads it; what it takes for none is not drawn. A grid cell
+    Walls are those of the map as ``source`` reads it; what it takes for none is not drawn. A grid cell
     through which a piece of wall runs has as many hits as the piece was seen, and no misses. A grid cell whose centre
     lies in a free cell of the line map has as many misses as that was looked through. Between the two, on the side from
     which a wall was seen and up to 1.5 cells of the line map before it, a grid cell has as many misses as the wall was
