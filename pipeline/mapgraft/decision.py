@@ -183,10 +183,14 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Ruling:
-    """What the table says of a pair: a rule or none, and the finding of every rule that was looked at."""
+    """What the table says of a pair: a rule or none, and the finding of every rule that was looked at.
+
+    ``types`` are the map types of receiver and donor.
+    """
 
     rule: Rule | None
     findings: tuple[Finding, ...]
+    types: tuple[str, str]
 
     @property
     def rejected(self) -> bool:
@@ -201,7 +205,10 @@ class Ruling:
             return f"{said} (rule {self.rule.name!r}; before it {before})" if before and self.rule.reject else said
         if not self.findings:
             return "the decision table is empty"
-        return f"no rule applies: {before}" if before else f"none of {len(self.findings)} rules is for these map types"
+        if before:
+            return f"no rule applies: {before}"
+        own, other = self.types
+        return f"no rule takes a map of type {other} into one of type {own}, all {len(self.findings)} are for others"
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,8 +237,8 @@ class DecisionTable:
                 Finding(record.rule.name, failure is None, failure or "applies", record.rule.is_about(facts))
             )
             if failure is None:
-                return Ruling(record.rule, tuple(findings))
-        return Ruling(None, tuple(findings))
+                return Ruling(record.rule, tuple(findings), (own, other))
+        return Ruling(None, tuple(findings), (own, other))
 
 
 def facts_of(
