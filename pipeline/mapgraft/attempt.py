@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -17,6 +17,7 @@ from mapgraft.contracts import (
     Match,
     Measurement,
     Prior,
+    Provenance,
     Step,
     Transform,
 )
@@ -31,15 +32,18 @@ from mapgraft.reversal import Reversal
 class Meeting:
     """The map type in which receiver and donor are compared, and how each side gets there.
 
-    ``donor_layer`` is the donor's layer in the meeting type, ``donation`` what the fuser gets: in the receiver's type
-    where a conversion leads there, else as the donor sent it.
+    ``donor_type`` is the type of what the donor sent, ``donor_layer`` the same in the meeting type, ``donated`` makes
+    what the fuser gets.
     """
 
     map_type: MapType
     sight: Sight
+    donor_type: str
     donor_layer: Layer
-    donation: Donation
+    provenance: Provenance
+    donated: Callable[[], Layer]
     _source: Map | None = None
+    _donation: Donation | None = None
 
     @property
     def target(self) -> Map:
@@ -52,6 +56,13 @@ class Meeting:
         if self._source is None:
             self._source = self.map_type.view(self.donor_layer)
         return self._source
+
+    @property
+    def donation(self) -> Donation:
+        """What the fuser gets: in the receiver's type where a conversion leads there, else as the donor sent it."""
+        if self._donation is None:
+            self._donation = Donation(self.donated(), self.provenance)
+        return self._donation
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +155,7 @@ class Attempts:
             return None
         if move is None:
             return None
-        donor = meeting.donation.provenance.source
+        donor = meeting.provenance.source
         here = self.refusals.at(donor, standing.T_receiver_donor, site.about_m)
         there = self.refusals.at(donor, move.match.T_receiver_donor, site.about_m)
         return None if any(refusal not in here for refusal in there) else move
@@ -178,7 +189,7 @@ class Attempts:
         placed = contribution.layer if meeting.map_type is self.own_type else _place(meeting, match)
         T = contribution.T_receiver_donor
         sight, subject = meeting.sight, self.reversal.subject
-        compared = Compared(meeting.map_type, subject, T, match, placed, sight, converted=sight.conversion is not None)
+        compared = Compared(meeting.map_type, subject, T, match, placed, sight, converted=sight.convert is not None)
         return Grafted(match, contribution, compared, meeting)
 
     def _meet(self, donation: Donation, via: str | None) -> Meeting:
@@ -186,18 +197,22 @@ class Attempts:
         name = via or own
         meeting_type = self.own_type if name == own else self.workshop.map_type(name)
         if name not in self.sights:
-            conversion = None if name == own else self.workshop.conversion(own, name)
-            self.sights[name] = Sight(self.reversal, meeting_type, conversion)
+            convert = None if name == own else self.workshop.converter(self.own_type, meeting_type)
+            self.sights[name] = Sight(self.reversal, meeting_type, convert)
         met = self._converted(donation.layer, meeting_type)
-        donated = met if name == own else donation.layer
-        if name != own and self.workshop.plugins.converts(other, own):
-            donated = self._converted(donation.layer, self.own_type)
-        return Meeting(meeting_type, self.sights[name], met, Donation(donated, donation.provenance))
+
+        def donated() -> Layer:
+            if name == own:
+                return met
+            leads_there = self.workshop.plugins.way(other, own) is not None
+            return self._converted(donation.layer, self.own_type) if leads_there else donation.layer
+
+        return Meeting(meeting_type, self.sights[name], other, met, donation.provenance, donated)
 
     def _converted(self, layer: Layer, target: MapType) -> Layer:
         if layer.map_type == target.name:
             return layer
-        return self.workshop.conversion(layer.map_type, target.name).convert(layer, target)
+        return self.workshop.converter(self.workshop.map_type(layer.map_type), target)(layer)
 
 
 def _place(meeting: Meeting, match: Match) -> Layer:

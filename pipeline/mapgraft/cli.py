@@ -86,6 +86,7 @@ def run(
     reversal: Annotated[str | None, typer.Option(help="ledger, single_map or multi_map, for every robot.")] = None,
     prior: Annotated[list[str] | None, typer.Option(help="Known pose: RECEIVER,DONOR=X,Y,YAW (m, rad).")] = None,
     forbid: Annotated[list[str] | None, typer.Option(help="Never merge this pair: A,B.")] = None,
+    demo: Annotated[str | None, typer.Option(help="Replay a demo: grids (else taken), heterogeneous.")] = None,
     verify_ledger: Annotated[
         bool, typer.Option("--verify-ledger", help="Recompute every layer and map at the end, and compare.")
     ] = False,
@@ -99,9 +100,16 @@ def run(
     from mapgraft.commands.run import Overrides, run_and_show
 
     overrides = Overrides(start, end, every, reversal, tuple(prior or ()), tuple(forbid or ()), report)
-    without = no_plugin or []
     run_and_show(
-        files or [], config, out, overrides, quiet=quiet, as_json=json, without=without, verify_ledger=verify_ledger
+        files or [],
+        config,
+        out,
+        overrides,
+        demo_name=demo,
+        quiet=quiet,
+        as_json=json,
+        without=no_plugin or [],
+        verify_ledger=verify_ledger,
     )
 
 
@@ -198,6 +206,7 @@ def match(
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for the picture and the merged map.")] = None,
     resolution: Annotated[float | None, typer.Option(help="Metres per pixel of maps that are bare images.")] = None,
     other_resolution: Annotated[float | None, typer.Option(help="The same of B, where it differs.")] = None,
+    other_format: Annotated[str | None, typer.Option(help="The format of B, if its name tells another.")] = None,
     unknown_gray: Annotated[int | None, typer.Option(help="The gray, 0 to 255, that means unknown.")] = None,
     config: ConfigFile = None,
     rules: Annotated[Path | None, typer.Option("--rules", help="A decision table to use instead.")] = None,
@@ -217,7 +226,8 @@ def match(
     """
     from mapgraft.commands.match import Asked, match_and_show
 
-    asked = Asked(resolution, other_resolution, unknown_gray, config, rules, matcher, tuple(no_plugin or ()))
+    without = tuple(no_plugin or ())
+    asked = Asked(resolution, other_resolution, unknown_gray, config, rules, matcher, without, other_format)
     if not (pairs or unrelated):
         if across:
             raise typer.BadParameter("--across needs a list of pairs: name one with --pairs or --unrelated")
@@ -245,6 +255,7 @@ def evaluate(
     verifier: Annotated[str | None, typer.Option(help="A verifier in the place of the rules' own.")] = None,
     rules: Annotated[Path | None, typer.Option("--rules", help="A decision table to try instead.")] = None,
     map_type: Annotated[str | None, typer.Option("--type", help="Map type, if not the one a run would take.")] = None,
+    other_type: Annotated[str | None, typer.Option(help="The donor's map type, if not the receiver's.")] = None,
     baseline: Annotated[bool, typer.Option(help="The paper's rules on the same pairs, too.")] = True,
     config: ConfigFile = None,
     jobs: Annotated[int, typer.Option(help="Processes to share the work.")] = 1,
@@ -259,7 +270,7 @@ def evaluate(
     from mapgraft.evaluation.drawing import Drawing
 
     drawing = Drawing(pairs, scans, further, across, seed)
-    settings = Settings(drawing, map_type, resolution, other_resolution, rules, matcher, verifier, baseline)
+    settings = Settings(drawing, map_type, resolution, other_resolution, rules, matcher, verifier, baseline, other_type)
     evaluate_and_show(files, config, settings, jobs=jobs, quiet=quiet, json_out=json, without=no_plugin or [])
 
 
@@ -309,6 +320,31 @@ def plugins_show(
     from mapgraft.commands.plugins import show_plugin
 
     show_plugin(name, as_json=json)
+
+
+@plugins_app.command("check")
+def plugins_check(
+    name: Annotated[str, typer.Argument(help="A plugin by its entry point, or a matcher, metric, … by name.")],
+    examples: Annotated[int | None, typer.Option(min=1, help="Examples per law; more find more.")] = None,
+    json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Whether a plugin keeps the laws that make merges reversible, law by law; exit code 1 when it does not."""
+    from mapgraft.commands.plugins_check import check_plugin
+
+    check_plugin(name, as_json=json, examples=examples)
+
+
+@plugins_app.command("new")
+def plugins_new(
+    name: Annotated[str, typer.Argument(help="The new plugin's name: lower-case letters, digits and '_'.")],
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder to write to; mapgraft-NAME here.")] = None,
+    debug: Debug = False,
+) -> None:
+    """Write a package with a map type, a fuser, a metric, a rule and their tests, ready to be edited."""
+    from mapgraft.commands.plugins_new import new_plugin
+
+    new_plugin(name, out)
 
 
 _received: list[signal.Signals] = []  # which of ENDING has ended this process

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from mapgraft.contracts import Conversion, Layer, Map, MapType, Match, Transform
+from mapgraft.contracts import Layer, Map, MapType, Match, Transform
 from mapgraft.reversal import Reversal
 
 
@@ -48,7 +48,7 @@ class Sight:
 
     reversal: Reversal
     map_type: MapType
-    conversion: Conversion | None = None
+    convert: Callable[[Layer], Layer] | None = None
     _seen: tuple[int, Layer, Map] | None = None
     _changes: int = 0
 
@@ -57,9 +57,9 @@ class Sight:
         self._changes += 1
 
     def __call__(self) -> tuple[Layer, Map]:
-        if self.conversion is None:
+        if self.convert is None:
             return self.reversal.compared_layer(), self.reversal.compared()
         if self._seen is None or self._seen[0] != self._changes:
-            layer = self.conversion.convert(self.reversal.compared_layer(), self.map_type)
+            layer = self.convert(self.reversal.compared_layer())
             self._seen = (self._changes, layer, self.map_type.view(layer))
         return self._seen[1], self._seen[2]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,9 +13,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from ruamel.yaml import YAML
 
 from mapgraft.config import Choice, ReversalName, Section, path_of, text_of
-from mapgraft.contracts import DecisionTableError, MapMetadata, PluginError
+from mapgraft.contracts import DecisionTableError, MapMetadata
 from mapgraft.documents import parse_yaml, read_text
-from mapgraft.plugins import Broken, PluginKind, Plugins
+from mapgraft.obstacles import Check, checked, lacking
+from mapgraft.plugins import Broken, Plugins
 
 Value = bool | int | float | str
 PAIR_FIELDS = ("resolution_ratio", "scale_known", "prior", "prior_sigma_m", "reversal")
@@ -147,6 +148,11 @@ class Rule(Section):
             raise DecisionTableError(f"rule {self.name!r} rejects: it has no procedure")
         return Procedure(self, self.match, self.accept, self.fuse, self.verify)
 
+    def is_about(self, facts: Mapping[str, Value]) -> bool:
+        """Whether what it says of the two map types holds."""
+        asked = [name for name in ("own.type", "other.type") if name in self.when and name in facts]
+        return all(_failure(facts[name], self.when[name]) is None for name in asked)
+
 
 @dataclass(frozen=True, slots=True)
 class Procedure:
@@ -167,19 +173,24 @@ class Procedure:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Why one rule did or did not apply."""
+    """Why one rule did or did not apply; ``about`` tells whether it is for maps of these two types at all."""
 
     rule: str
     applies: bool
     reason: str
+    about: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class Ruling:
-    """What the table says of a pair: a rule or none, and the finding of every rule that was looked at."""
+    """What the table says of a pair: a rule or none, and the finding of every rule that was looked at.
+
+    ``types`` are the map types of receiver and donor.
+    """
 
     rule: Rule | None
     findings: tuple[Finding, ...]
+    types: tuple[str, str]
 
     @property
     def rejected(self) -> bool:
@@ -187,15 +198,17 @@ class Ruling:
 
     @property
     def reason(self) -> str:
-        """One line that explains the ruling."""
-        before = "; ".join(f"{f.rule!r}: {f.reason}" for f in self.findings if not f.applies)
+        """One line that explains the ruling; rules for maps of other types are not worth a word in it."""
+        before = "; ".join(f"{f.rule!r}: {f.reason}" for f in self.findings if f.about and not f.applies)
         if self.rule is not None:
             said = self.rule.reject or f"rule {self.rule.name!r} applies"
             return f"{said} (rule {self.rule.name!r}; before it {before})" if before and self.rule.reject else said
-        return f"no rule applies: {before}" if self.findings else "the decision table is empty"
-
-
-Check = Callable[[str, str], str | None]  # (receiver's type, donor's type) → why the procedure cannot take them
+        if not self.findings:
+            return "the decision table is empty"
+        if before:
+            return f"no rule applies: {before}"
+        own, other = self.types
+        return f"no rule takes a map of type {other} into one of type {own}, all {len(self.findings)} are for others"
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,10 +237,12 @@ class DecisionTable:
         for record in self.records:
             failure = _first_failure(record.rule, facts) or record.obstacle(own, other)
             failure = failure or (passed or {}).get(id(record.rule))
-            findings.append(Finding(record.rule.name, failure is None, failure or "applies"))
+            findings.append(
+                Finding(record.rule.name, failure is None, failure or "applies", record.rule.is_about(facts))
+            )
             if failure is None:
-                return Ruling(record.rule, tuple(findings))
-        return Ruling(None, tuple(findings))
+                return Ruling(record.rule, tuple(findings), (own, other))
+        return Ruling(None, tuple(findings), (own, other))
 
 
 def facts_of(
@@ -322,10 +337,10 @@ def build_table(plugins: Plugins, own: Sequence[Mapping[str, Any]] | Path | None
         rules, source = check_rules(list(own), "in the configuration"), _as_yaml(own)
     if own is not None:
         for rule in rules:
-            if (lacking := _lacking(rule, plugins)) is not None:
-                raise DecisionTableError(f"rule {rule.name!r}: {lacking}")
+            if (why := lacking(rule, plugins)) is not None:
+                raise DecisionTableError(f"rule {rule.name!r}: {why}")
     ordered = sorted(rules, key=lambda rule: -rule.priority)  # sorting is stable: equal priorities keep their order
-    return DecisionTable(tuple(_record(rule, plugins) for rule in ordered), source)
+    return DecisionTable(tuple(Record(rule, *checked(rule, plugins)) for rule in ordered), source)
 
 
 def _rules_of_plugins(plugins: Plugins) -> tuple[list[Rule], str]:
@@ -339,61 +354,6 @@ def _rules_of_plugins(plugins: Plugins) -> tuple[list[Rule], str]:
         else:
             source += f"# {table.name}, from {table.origin.plugin}\n{table.text.strip()}\n"
     return rules, source
-
-
-def _named(rule: Rule) -> list[tuple[PluginKind, str]]:
-    if rule.reject is not None:
-        return []
-    procedure = rule.procedure
-    named: list[tuple[PluginKind, str]] = [
-        ("matcher", procedure.match.use),
-        ("acceptor", procedure.accept.use),
-        ("fuser", procedure.fuse.use),
-        ("verifier", procedure.verify.use),
-    ]
-    named += [("metric", name) for name in procedure.metric_names]
-    if rule.via:
-        named.append(("map type", rule.via))
-    return named
-
-
-def _lacking(rule: Rule, plugins: Plugins) -> str | None:
-    """What the rule names that is not installed, as a sentence."""
-    for kind, name in _named(rule):
-        try:
-            offered = plugins.find(kind, name)
-        except PluginError as error:
-            return str(error)
-        if offered.missing:
-            return f"the {kind} {name!r} {offered.remedy}"
-    return None
-
-
-def _record(rule: Rule, plugins: Plugins) -> Record:
-    lacking = _lacking(rule, plugins)
-
-    def check(own: str, other: str) -> str | None:
-        if lacking is not None or rule.reject is not None:
-            return lacking
-        meeting = rule.via or own
-        for source in (own, other):
-            if source != meeting and not plugins.converts(source, meeting):
-                return f"there is no conversion from {source} to {meeting}"
-        donated = own if meeting == own or plugins.converts(other, own) else other
-        for kind, name in _named(rule):
-            accepts = plugins.find(kind, name).descriptor.accepts
-            pair = (own, donated) if kind == "fuser" else (meeting, meeting)
-            if kind != "map type" and accepts and not _takes(accepts, pair, kind):
-                return f"the {kind} {name!r} takes {' and '.join(accepts)}, not {' and '.join(dict.fromkeys(pair))}"
-        return None
-
-    return Record(rule, lacking, check)
-
-
-def _takes(accepts: tuple[str, ...], pair: tuple[str, str], kind: PluginKind) -> bool:
-    if kind in ("matcher", "fuser") and len(accepts) == 2:
-        return accepts == pair
-    return all(map_type in accepts for map_type in pair)
 
 
 def _as_yaml(rules: Sequence[Mapping[str, Any]]) -> str:

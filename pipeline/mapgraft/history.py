@@ -59,7 +59,7 @@ class Journal:
         merged = attempt.grafted is not None
         kind: Kind = "merged" if merged else "ambiguous" if attempt.verdict == "ambiguous" else "unmatched"
         T = attempt.grafted.comparison.T_receiver_donor if attempt.grafted else None
-        fusion = attempt.grafted.contribution.summary if attempt.grafted else {}
+        fusion, reason = _of_fusion(attempt)
         self._record(
             kind,
             stamp_ns,
@@ -69,7 +69,7 @@ class Journal:
             **_of_match(attempt.match, T, fusion),
             merge_id=merge_id,
             state="provisional" if merged else "candidate",
-            reason=attempt.reason,
+            reason=reason,
             by=tools.procedure.accept.use,
             hypotheses=attempt.hypotheses,
             bytes_received=size,
@@ -160,6 +160,16 @@ class Journal:
 
 def _of_donor(provenance: Provenance) -> dict[str, Any]:
     return {"donor_epoch": provenance.epoch, "donor_version": provenance.version}
+
+
+def _of_fusion(attempt: Attempt) -> tuple[Mapping[str, float], str]:
+    """How the contribution was fused, and the reason of the attempt; both tell of a prior, which nobody observed."""
+    if attempt.grafted is None:
+        return {}, attempt.reason
+    made = attempt.grafted.contribution
+    if made.role == "observation":
+        return made.summary, attempt.reason
+    return {**made.summary, made.role: 1.0}, f"{attempt.reason}; taken in as a {made.role}, not as an observation"
 
 
 def _of_tools(tools: Tools) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from mapgraft.contracts.plugin import Register, RegisterRules, hookspec
 
 @hookspec
 def register_map_types(register: Register) -> None:
-    """Kinds of maps (``mapgraft.contracts.MapType``)."""
+    """Kinds of maps (``MapType``)."""
 
 
 @hookspec
@@ -27,7 +27,7 @@ def register_fusers(register: Register) -> None:
 
 @hookspec
 def register_metrics(register: Register) -> None:
-    """Measurements of a merge (``Metric``)."""
+    """Measurements of a merge (``Metric``, which makes a ``Tracker`` for each merge)."""
 
 
 @hookspec
@@ -52,14 +52,14 @@ def register_rules(register: RegisterRules) -> None:
 
 @hookspec
 def register_readers(register: Register) -> None:
-    """Containers of recordings: ``open(path) -> Source``."""
+    """Containers of recordings: the factory *is* a function ``open(path)`` and gives a ``Source``."""
 
 
 @hookspec
 def register_decoders(register: Register) -> None:
-    """Message types that become payloads of observations: ``decode(message) -> payload``."""
+    """Message types that become payloads of observations: the factory *is* a function ``decode(message)``."""
 
 
 @hookspec
 def register_formats(register: Register) -> None:
-    """Files that hold one ready map: ``read(path, **options) -> payload``."""
+    """Files that hold one ready map: the factory *is* a function ``read(path, **options)`` and gives a payload."""

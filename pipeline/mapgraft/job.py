@@ -264,13 +264,18 @@ def as_config(given: Config | Mapping[str, Any] | Path | str | None) -> Config:
     return parse_config(given or {})
 
 
-def demo() -> tuple[list[Path], Path]:
-    """The embedded demo recording and its configuration; raises UsageError where it is not installed."""
+def demo(name: str | None = None) -> tuple[list[Path], Path]:
+    """An embedded demo recording and its configuration, the first one where none is named.
+
+    Raises UsageError where the demos are not installed, or there is none of that name.
+    """
     try:
-        from mapgraft_recordings import demo_files
+        from mapgraft_recordings import DEMOS, demo_files
     except ImportError as error:
         raise UsageError(f"the demo recording is not installed ({error}): name a recording") from None
-    files, config, _expected = demo_files()
+    if name is not None and name not in DEMOS:
+        raise UsageError(f"there is no demo {name!r}: choose one of {', '.join(DEMOS)}")
+    files, config, _expected = demo_files(DEMOS[0] if name is None else name)
     return files, config
 
 

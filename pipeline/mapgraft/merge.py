@@ -24,6 +24,7 @@ from mapgraft.contracts import (
 from mapgraft.errors import PluginError
 from mapgraft.procedures import Tools, blaming
 from mapgraft.registration import Site
+from mapgraft.rhythm import Rhythm
 from mapgraft.trail import Trail
 
 State = Literal["provisional", "confirmed", "reverted"]
@@ -73,12 +74,12 @@ class _Watch:
 class _Round:
     """The metrics of a merge that are asked at one rhythm."""
 
-    every: int
+    rhythm: Rhythm
     watches: dict[str, _Watch] = field(default_factory=dict)
     asking: str = ""
 
     def next_after(self, now: int) -> int:
-        return (now // self.every + 1) * self.every if self.watches else now + NEVER
+        return self.rhythm.next_after(now) if self.watches else now + NEVER
 
     def look(self, trail: Trail, everything: bool, into: dict[str, Measurement]) -> bool:
         """Ask those that are concerned, put what all of them measure into a mapping; False when nobody was asked."""
@@ -129,7 +130,7 @@ class Merge:
 
     def __post_init__(self) -> None:
         verify = self.tools.procedure.verify
-        self._judged, self._logged = _Round(verify.every), _Round(verify.told_every)
+        self._judged, self._logged = _Round(self._rhythm(verify.every)), _Round(self._rhythm(verify.told_every))
         self.stood = [self.comparison.T_receiver_donor]
 
     @property
@@ -201,16 +202,16 @@ class Merge:
         measured: dict[str, Measurement] = {}
         judged = logged = False
         with blaming(self.tools):
-            if everything or now % self._judged.every == 0:
+            if everything or self._judged.rhythm.is_due(now):
                 judged = self._judged.look(trail, everything, measured)
-            if everything or now % self._logged.every == 0:
+            if everything or self._logged.rhythm.is_due(now):
                 logged = self._look_for_the_record(everything, measured)
         self._plan()
         if not (judged or logged or everything):
             return None
         state: Literal["provisional", "confirmed"] = "confirmed" if self.state == "confirmed" else "provisional"
         sample = Sample(stamp_ns, self.observations, measured, state)
-        if everything or now % self._judged.every == 0 or not self._judged.watches:
+        if everything or self._judged.rhythm.is_due(now) or not self._judged.watches:
             self._remember(sample)  # it has all the verifier looks at, and may have more
         return sample
 
@@ -237,8 +238,21 @@ class Merge:
             self.due_at = now + NEVER
             return
         self.due_at = min(self._judged.next_after(now), self._logged.next_after(now))
-        if self.may_move and (every := self.tools.rule.refine.every) is not None:
-            self.due_at = min(self.due_at, max(self._registered + every, now + 1))
+        if (due := self._register_at) is not None:
+            self.due_at = min(self.due_at, max(due, now + 1))
+
+    @property
+    def _register_at(self) -> int | None:
+        """When it is to be asked again whether the maps have grown; a merge that stays where it is never is."""
+        every = self.tools.rule.refine.every
+        if every is None or not self.may_move:
+            return None
+        if self.comparison.converted:  # to know how much a converted map knows costs the map, too
+            return self._rhythm(every).next_after(self._registered)
+        return self._registered + every
+
+    def _rhythm(self, every: int) -> Rhythm:
+        return Rhythm(every, sparing=self.comparison.converted)
 
     @property
     def may_move(self) -> bool:
@@ -254,8 +268,8 @@ class Merge:
 
     def is_to_register(self) -> bool:
         """Whether it is time to ask whether the maps have grown enough to register the merge anew."""
-        every = self.tools.rule.refine.every
-        return self.may_move and every is not None and self.trail.now >= self._registered + every
+        due = self._register_at
+        return due is not None and self.trail.now >= due
 
     def has_grown(self, meeting: Meeting) -> bool:
         """Whether one of the maps that meet knows so much more now that the merge is to be registered anew.

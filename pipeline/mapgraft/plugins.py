@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 import pluggy
 
 from mapgraft import hooks
-from mapgraft.contracts.plugin import PROJECT, Descriptor
+from mapgraft.contracts.plugin import CONTRACT, DECLARED_IN, PROJECT, UNDECLARED, Descriptor, require_contract
 from mapgraft.errors import ConfigError, PluginError
 
 GROUP = OWN = "mapgraft"
@@ -54,6 +54,13 @@ class Origin(NamedTuple):
     plugin: str
     distribution: str
     version: str
+
+
+class Hop(NamedTuple):
+    """One conversion on the way from one map type to another: its name, and the map type that it gives."""
+
+    conversion: str
+    target: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,12 +121,29 @@ class Plugins:
             hint += f" ({len(self.broken)} plugin(s) could not be loaded: see 'mapgraft plugins list')"
         raise PluginError(f"there is no {kind} called {name!r}: {hint}")
 
-    def converts(self, source: str, target: str) -> str | None:
-        """The name of the conversion from one map type to another, or None."""
-        for offered in self.of_kind("conversion"):
-            if source in offered.descriptor.accepts and offered.descriptor.gives == target and not offered.missing:
-                return offered.descriptor.name
-        return None
+    def way(self, source: str, target: str) -> tuple[Hop, ...] | None:
+        """The fewest conversions that lead from one map type to another, none for the same; None where none lead there.
+
+        Of several ways of one length that whose conversions come first by name.
+        """
+        reached: dict[str, tuple[Hop, ...]] = {source: ()}
+        fresh = [source]
+        while fresh and target not in reached:
+            further = []
+            for name in fresh:
+                for hop in self._hops(name):
+                    if hop.target not in reached:
+                        reached[hop.target] = (*reached[name], hop)
+                        further.append(hop.target)
+            fresh = further
+        return reached.get(target)
+
+    def _hops(self, source: str) -> list[Hop]:
+        return [
+            Hop(offered.descriptor.name, offered.descriptor.gives)
+            for offered in self.of_kind("conversion")
+            if source in offered.descriptor.accepts and offered.descriptor.gives and not offered.missing
+        ]
 
     def function(self, kind: PluginKind, name: str) -> Callable[..., object]:
         """The factory behind a name, imported now; raises PluginError when it cannot be."""
@@ -171,19 +195,36 @@ def load_plugins(without: Collection[str] = ()) -> Plugins:
         raise PluginError(f"there is no plugin {', '.join(unknown)} to leave out: installed are {names}")
     found = [(_origin_of(entry_point), entry_point) for entry_point in importlib.metadata.entry_points(group=GROUP)]
     own_only = bool(os.environ.get(NO_AUTOLOAD))
+    taken: dict[str, Origin] = {}
     for origin, entry_point in sorted(found, key=lambda pair: (pair[0].distribution != OWN, *pair[0], pair[1].value)):
         if entry_point.name in without or (own_only and origin.distribution != OWN):
             continue
         try:
+            if other := taken.get(entry_point.name):
+                raise PluginError(
+                    f"there is a plugin {origin.plugin!r} of {other.distribution} already: uninstall one of the two "
+                    f"(pip uninstall {origin.distribution})"
+                )
+            taken[entry_point.name] = origin
             load_plugin(plugins, entry_point.load(), origin)
         except Exception as error:  # one broken plugin must not take the others with it
-            reason = str(error) if isinstance(error, PluginError) else f"{type(error).__name__}: {error}"
-            plugins.broken.append(Broken(origin, reason))
+            plugins.broken.append(Broken(origin, _reason(error)))
     return plugins
+
+
+def _reason(error: Exception) -> str:
+    """Why a plugin could not be loaded, in one sentence."""
+    if isinstance(error, PluginError):
+        return str(error)
+    said = f"{type(error).__name__}: {error}"
+    if isinstance(error, ImportError) and (error.name or "").startswith(f"{OWN}."):
+        return f"{said}; it was written for another contract than {'.'.join(map(str, CONTRACT))}: update one of the two"
+    return said
 
 
 def load_plugin(plugins: Plugins, module: object, origin: Origin) -> None:
     """Add everything that one module registers; raises PluginError, and adds nothing, when something is wrong."""
+    require_contract(origin.plugin, getattr(module, DECLARED_IN, UNDECLARED))
     manager = pluggy.PluginManager(PROJECT)
     manager.add_hookspecs(hooks)
     offered: dict[tuple[PluginKind, str], Offered] = {}
@@ -211,7 +252,10 @@ def _register(
             raise PluginError(f"{origin.plugin} registered a {type(descriptor).__name__}: register a Descriptor")
         key = (kind, descriptor.name)
         if other := taken.get(key) or offered.get(key):
-            raise PluginError(f"{origin.plugin} offers the {kind} {descriptor.name!r}, which {other.origin.plugin} has")
+            raise PluginError(
+                f"{origin.plugin} offers the {kind} {descriptor.name!r}, which {other.origin.plugin} has: "
+                "rename it, or leave one of the two out (--no-plugin)"
+            )
         offered[key] = Offered(kind, descriptor, origin)
 
     return register

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from typing import cast
 
-from mapgraft.contracts import Acceptor, Conversion, Fuser, MapType, Matcher, Metric, Policy, Verifier
+from mapgraft.contracts import Acceptor, Conversion, Fuser, Layer, MapType, Matcher, Metric, Policy, Verifier
 from mapgraft.decision import DecisionTable, Procedure, Rule
 from mapgraft.errors import ConfigError, MapgraftError, PluginError
 from mapgraft.guard import Guard
@@ -36,13 +36,15 @@ METHODS: Mapping[PluginKind, tuple[str, ...]] = {
         "decode",
         "metadata",
         "structure",
+        "messages",
+        "files",
     ),
     "matcher": ("match",),
     "acceptor": ("accept",),
     "fuser": ("fuse",),
     "metric": ("track",),
     "verifier": ("verify",),
-    "conversion": ("convert", "region"),
+    "conversion": ("convert",),
     "policy": ("due",),
 }
 
@@ -65,6 +67,18 @@ class Tools:
     @property
     def rule(self) -> Rule:
         return self.procedure.rule
+
+
+@dataclass(frozen=True, slots=True)
+class Converter:
+    """Conversions one after the other, each with the types it leads from and to; without any a layer stays itself."""
+
+    hops: tuple[tuple[Conversion, MapType, MapType], ...]
+
+    def __call__(self, layer: Layer) -> Layer:
+        for conversion, source, target in self.hops:
+            layer = conversion.convert(layer, source, target)
+        return layer
 
 
 def blaming(tools: Tools) -> _Blaming:
@@ -165,12 +179,18 @@ class Workshop:
         )
         return tools if self.watch is None else self.watch(tools)
 
-    def out_of_order(self, rule: Rule) -> str | None:
-        """Why a rule cannot be used any more in this run: one of its plugins was set aside."""
+    def out_of_order(self, rule: Rule, own: str, other: str) -> str | None:
+        """Why a rule cannot be used any more in this run for a receiver and a donor of these types.
+
+        One of its plugins was set aside, or of the conversions that it takes.
+        """
         if rule.reject is not None or not self.guard.set_aside:
             return None
-        said = (self.guard.set_aside.get((kind, name)) for kind, name, _ in _parts(rule))
-        return next((why for why in said if why), None)
+        meeting = rule.via or own
+        ways = (self.plugins.way(*pair) or () for pair in ((own, meeting), (other, meeting), (other, own)))
+        used = [(kind, name) for kind, name, _ in _parts(rule)]
+        used += [("conversion", hop.conversion) for way in ways for hop in way]
+        return next((why for one in used if (why := self.guard.set_aside.get(one))), None)
 
     def _tool(self, kind: PluginKind, name: str, parameters: Mapping[str, object]) -> object:
         """One tool, made once for all rules that want it with the same parameters."""
@@ -189,12 +209,24 @@ class Workshop:
             self._map_types[name] = self.new_map_type(name, {})
         return self._map_types[name]
 
-    def conversion(self, source: str, target: str) -> Conversion:
-        """The conversion from one map type to another; raises PluginError when there is none."""
-        name = self.plugins.converts(source, target)
-        if name is None:
-            raise PluginError(f"there is no conversion from {source} to {target}: install a plugin that offers one")
-        return GuardedConversion(name, cast("Conversion", self._make("conversion", name, {})), self.guard)
+    def converter(self, source: MapType, target: MapType) -> Converter:
+        """What turns layers of one type into layers of another, by as many conversions as it takes.
+
+        Raises PluginError when none lead there.
+        """
+        way = self.plugins.way(source.name, target.name)
+        if way is None:
+            raise PluginError(
+                f"there is no conversion from {source.name} to {target.name}: install a plugin that offers one"
+            )
+        types = [source, *(self.map_type(hop.target) for hop in way[:-1]), target]
+        made = [
+            GuardedConversion(
+                hop.conversion, cast("Conversion", self._make("conversion", hop.conversion, {})), self.guard
+            )
+            for hop in way
+        ]
+        return Converter(tuple(zip(made, types, types[1:], strict=False)))
 
     def policy(self, name: str, parameters: Mapping[str, object]) -> Policy:
         return cast("Policy", self._make("policy", name, parameters))

@@ -127,8 +127,8 @@ class Robot:
         """Try the first rule that applies; where a plugin of it fails, say so and go on with the next one."""
         donor, stamp_ns, told = received.provenance.source, met.stamp_ns, False
         facts = facts_of(met.own, met.other, sigma_m(met.prior), self.reversal.name)
-        rules = [record.rule for record in self.table.records]
-        passed = {id(rule): why for rule in rules if (why := self.workshop.out_of_order(rule))}
+        rules, own, other = [record.rule for record in self.table.records], met.own.type, met.other.type
+        passed = {id(rule): why for rule in rules if (why := self.workshop.out_of_order(rule, own, other))}
         while True:
             ruling = self.table.choose(facts, passed)
             rule = None if ruling.rejected else ruling.rule

@@ -17,6 +17,7 @@ from mapgraft.contracts import (
     Contribution,
     Decision,
     Donation,
+    Finding,
     Layer,
     Map,
     MapType,
@@ -76,6 +77,7 @@ def sound_measurement(measurement: object) -> Measurement:
         raise PluginError(f"gave a support of {measurement.support}, of which {_shown(measurement.better)} is better")
     _text("a name", measurement.name)
     _numbers("details", measurement.details)
+    _findings(measurement.findings)
     return measurement
 
 
@@ -144,6 +146,22 @@ def sound_meetings(due: object, robots: Iterable[str]) -> Sequence[Meeting]:
             if len(pair) != 2 or pair[0] == pair[1] or not names.issuperset(pair):
                 raise PluginError(f"lets {_shown(pair)} meet, the robots are {', '.join(sorted(names))}")
     return due
+
+
+def _findings(findings: object) -> None:
+    if not isinstance(findings, Sequence) or isinstance(findings, str | bytes):
+        raise PluginError(f"gave findings of type {type(findings).__name__}, a sequence was wanted")
+    for finding in findings:
+        if not isinstance(finding, Finding):
+            raise PluginError(f"gave {_shown(finding)} among its findings")
+        _text("the kind of a finding", finding.kind)
+        _text("the unit of a finding", finding.unit)
+        _number("the value of a finding", finding.value)
+        for end in (finding.start_m, finding.end_m):
+            if not isinstance(end, tuple) or len(end) != 3:
+                raise PluginError(f"gave a finding at {_shown(end)}, x, y and z were wanted")
+            for coordinate in end:
+                _finite("a coordinate of a finding", coordinate)
 
 
 def _rigid(T: object) -> Transform:

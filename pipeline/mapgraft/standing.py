@@ -104,7 +104,9 @@ class Standing:
             self.complain(error, stamp_ns, merge.donor, merge=merge)
 
     def _find_move(self, merge: Merge, meeting: Meeting) -> Move | None:
-        if not merge.may_move or not merge.has_grown(meeting) or self.workshop.out_of_order(merge.tools.rule):
+        if not merge.may_move or not merge.has_grown(meeting):
+            return None
+        if self.workshop.out_of_order(merge.tools.rule, self.own.map_type.name, meeting.donor_type):
             return None
         return self.attempts.find_move(merge.tools, meeting, merge.match, merge.stood[0], merge.site)
 
@@ -192,8 +194,8 @@ class Standing:
 
     def _fused_changed(self) -> None:
         """Something came in or went out: where metrics see the merged map, what they know of it no longer holds."""
-        self.attempts.changed()
         if self.reversal.subject == "merged":
+            self.attempts.changed()
             for merge in self.by_donor.values():
                 merge.target_changed()
 

@@ -7,6 +7,7 @@ from typing import Final
 
 from mapgraft.contracts import GRID_MESSAGE, SCAN, Descriptor, Register, RegisterRules, hookimpl
 
+MAPGRAFT_CONTRACT = (1, 0)
 _GRID = ("occupancy_grid",)
 _EVIDENCE: Final = {
     "bayes_factor": ("bayes_factor:BayesFactor", "log Bayes factor: do both maps see the same, or what is unrelated?"),
@@ -19,6 +20,8 @@ _EVIDENCE: Final = {
     "posterior": ("posterior:Posterior", "probability that a match is right, from all evidence there is"),
     "news": ("news:News", "what the receiver has seen since the merge where it knew nothing before"),
 }
+
+_LAWS: Final = {"bayes_factor": ("mapgraft_grid.conformance:BayesFactorLaws",)}
 
 
 @hookimpl
@@ -41,6 +44,7 @@ def register_matchers(register: Register) -> None:
             "mapgraft_grid.carpin:Carpin",
             "Hough spectra for the rotation, axis spectra for the shift (Carpin 2008); any two resolutions",
             accepts=_GRID,
+            laws=("mapgraft_grid.conformance:CarpinLaws",),
         )
     )
     register(
@@ -87,7 +91,16 @@ def register_metrics(register: Register) -> None:
 
     for name, what in _EVIDENCE.items():
         module, about = what
-        register(Descriptor(name, f"mapgraft_grid.evidence.{module}", about, accepts=_GRID))
+        register(
+            Descriptor(
+                name,
+                f"mapgraft_grid.evidence.{module}",
+                about,
+                accepts=_GRID,
+                stream=name == "news",
+                laws=_LAWS.get(name, ()),
+            )
+        )
 
 
 @hookimpl

@@ -17,7 +17,7 @@ from mapgraft_grid.layer import GridLayer
 from mapgraft_grid.parameters import Lattice
 from mapgraft_grid.region import GridRegion
 from mapgraft_grid.tiles import Slots, TileIndex, TileKeys
-from mapgraft_grid.weights import TileWeights
+from mapgraft_grid.weights import Bounds, TileWeights
 
 MOST_SOURCES: Final = 60  # so that the sum of their evidence fits int32 (kernels.viewing.EVIDENCE_LIMIT)
 
@@ -83,7 +83,10 @@ class Applications:
         return self._sum
 
     def one(self, lattice: Lattice, contribution: Contribution) -> ForeignEvidence:
-        """What one contribution adds: its layer's evidence times the tile weights, and as it is where it only fills."""
+        """What one contribution adds: its layer's evidence times the tile weights, and as it is where it only fills.
+
+        Where the weights are ``Bounds``, those of a prior, its evidence cut off there.
+        """
         layer, weights, fill = contribution.layer, contribution.weights, contribution.fill
         if not isinstance(layer, GridLayer) or layer.lattice != lattice:
             raise MapError(
@@ -99,9 +102,11 @@ class Applications:
 
 
 def _applied(layer: GridLayer, weights: object, fill: object) -> ForeignEvidence:
+    if isinstance(weights, Bounds):
+        return _bounded(layer, weights)
     if not isinstance(weights, TileWeights):
         raise MapError(
-            f"a grid's contribution needs TileWeights, found {type(weights).__name__}: use a fuser for grids"
+            f"a grid's contribution needs TileWeights or Bounds, found {type(weights).__name__}: use a fuser for grids"
         )
     if fill is not None and (not isinstance(fill, GridRegion) or fill.lattice != layer.lattice):
         raise MapError("the cells to fill must be a region on the contribution's lattice: use a fuser for grids")
@@ -112,6 +117,13 @@ def _applied(layer: GridLayer, weights: object, fill: object) -> ForeignEvidence
     index.claim(cells.keys)
     viewing.weigh(evidence, weights.of(keys), index.find(keys), cells.rows)
     return ForeignEvidence.of_keys(keys, evidence)
+
+
+def _bounded(layer: GridLayer, bounds: Bounds) -> ForeignEvidence:
+    """What a prior adds: its layer's evidence, cut off."""
+    keys = np.sort(layer.pool.index.keys)
+    evidence = own_evidence(layer, layer.pool.index.find(keys))
+    return ForeignEvidence.of_keys(keys, np.clip(evidence, -bounds.free, bounds.occupied))
 
 
 def _added(parts: Sequence[ForeignEvidence]) -> ForeignEvidence:

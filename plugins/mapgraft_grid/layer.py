@@ -47,6 +47,10 @@ class GridLayer:
     def map_type(self) -> str:
         return NAME
 
+    def most_looks(self) -> int:
+        """The most hits or misses of any cell; what was baked in is not counted."""
+        return self.pool.most()
+
     def path(self) -> Path:
         """Where the body was: (n, 3) float64 x, y (m), yaw (rad) in the layer's frame, in the order driven."""
         return self.traces.path(self.lattice)

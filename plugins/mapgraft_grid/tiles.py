@@ -165,6 +165,13 @@ class TilePool:
         misses[more] += self.wide.tiles[wide[more], 1]
         return hits, misses
 
+    def most(self) -> int:
+        """The largest count of any cell."""
+        used = len(self.index)
+        wide = np.flatnonzero(self.wide.of[:used] >= 0)
+        narrow = (self.hits[:used], self.misses[:used])
+        return max(int(counts.max(initial=0)) for counts in (*narrow, *self.counts(self.index.keys[wide])))
+
     def _make_room(self, slot: int) -> None:
         """Let a tile count on: by its true maximum when that is below the bound, else by moving it to ``wide``."""
         most = max(int(self.hits[slot].max()), int(self.misses[slot].max()))

@@ -48,3 +48,19 @@ class TileWeights:
             listed = self.keys[place] == keys
             out[listed] = self.counts[place[listed]]
         return out
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """How far a prior may speak in any cell: its evidence is cut off at these log-odds, 1024 per nat.
+
+    What no robot has observed (a plan, say) enters so: a few observations override it. Raises MapError unless both are
+    positive.
+    """
+
+    occupied: int
+    free: int
+
+    def __post_init__(self) -> None:
+        if self.occupied <= 0 or self.free <= 0:
+            raise MapError(f"the bounds of a prior must be above 0, found {self.occupied} and {self.free}")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from mapgraft.contracts import Descriptor, Register, hookimpl
 
+MAPGRAFT_CONTRACT = (1, 0)
+
 
 @hookimpl
 def register_matchers(register: Register) -> None:
@@ -12,6 +14,7 @@ def register_matchers(register: Register) -> None:
             "known_pose",
             "mapgraft_standard.known_pose:KnownPose",
             "takes the relative pose that somebody knows, with its covariance",
+            needs_prior=True,
         )
     )
 

@@ -1,14 +1,25 @@
-"""The demo recording, and the simulator that makes it and others like it."""
+"""The demo recordings, and the simulator that makes them and others like them."""
 
 from __future__ import annotations
 
 from importlib.resources import files
 from pathlib import Path
+from typing import Final
 
-DEMO_ROBOTS = ("alpha", "bravo", "charlie")
+DEMOS: Final = ("grids", "heterogeneous")  # by name; the first is the one that runs when none is named
+_FILES: Final = {
+    "grids": ("demo/alpha.mcap", "demo/bravo.mcap", "demo/charlie.mcap"),
+    "heterogeneous": ("demo/alpha.mcap", "heterogeneous/bravo.mcap", "demo/charlie.mcap", "heterogeneous/plan.svg"),
+}
+_FOLDERS: Final = {"grids": "demo", "heterogeneous": "heterogeneous"}
 
 
-def demo_files() -> tuple[list[Path], Path, Path]:
-    """Where the demo is installed: (the recording's files, its configuration, its expected outcome)."""
-    folder = Path(str(files(__name__) / "demo"))
-    return [folder / f"{robot}.mcap" for robot in DEMO_ROBOTS], folder / "config.yaml", folder / "expected.json"
+def demo_files(name: str = DEMOS[0]) -> tuple[list[Path], Path, Path]:
+    """Where a demo is installed: (the recording's files, its configuration, its expected outcome).
+
+    The heterogeneous demo shares two of its robots' files with the demo of grids. Raises KeyError for a name that is
+    not in ``DEMOS``.
+    """
+    root = Path(str(files(__name__)))
+    folder = root / _FOLDERS[name]
+    return [root / file for file in _FILES[name]], folder / "config.yaml", folder / "expected.json"

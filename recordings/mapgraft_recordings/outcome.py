@@ -5,15 +5,20 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-from mapgraft.contracts import Transform
+import numpy as np
+
+from mapgraft.contracts import Finding, Transform
 from mapgraft.events import Event
+from mapgraft_recordings.drawn_plan import Alteration, DrawnPlan
 from mapgraft_recordings.simulator.simulation import START_NS, Pose
 
 RIGHT_M, RIGHT_RAD = 0.5, math.radians(5.0)  # a merge is right when its transform is no further from the truth
+FOUND_M = 0.2  # a mistake of a plan is found when the middle of a finding is no further from it
 SAME_M, SAME_RAD, SAME_S = 0.3, math.radians(2.0), 3.0  # two runs agree when they differ by no more
+STANDING = ("provisional", "confirmed")
 TOLD = frozenset({"rejected", "unmatched", "ambiguous", "merged", "confirmed", "reverted"})
 
 
@@ -40,11 +45,15 @@ class Standing:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The story of a run: its decisions in order, and what stands at the end."""
+    """The story of a run: its decisions in order, and what stands at the end.
+
+    ``found`` tells which robots reported each of the things in which a plan differs from the building, by its name.
+    """
 
     T_world_map: Mapping[str, Pose]
     events: tuple[Told, ...]
     standing: tuple[Standing, ...]
+    found: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def wrong_merges(self) -> int:
@@ -91,9 +100,27 @@ def outcome_of(events: Sequence[Event], T_world_map: Mapping[str, Pose]) -> Outc
     standing = tuple(
         Standing(event.receiver, event.donor, _is_right(event, truth), _pose(event.T_receiver_donor))
         for event in last.values()
-        if event.state in ("provisional", "confirmed") and event.T_receiver_donor
+        if event.state in STANDING and event.T_receiver_donor
     )
     return Outcome(T_world_map, tuple(told), tuple(sorted(standing, key=lambda s: (s.receiver, s.donor))))
+
+
+def with_deviations(outcome: Outcome, events: Sequence[Event], plan: DrawnPlan) -> Outcome:
+    """The outcome, with what findings in standing merges tell of the alterations of a plan in the world's frame.
+
+    An alteration is reported when a finding of its kind lies with its middle no more than 0.2 m off it.
+    """
+    truth = {name: Transform.planar(*pose) for name, pose in outcome.T_world_map.items()}
+    reported: dict[str, tuple[Finding, ...]] = {}
+    for event in events:
+        for measurement in event.measurements:
+            if measurement.findings and event.state in STANDING:
+                reported[event.receiver] = tuple(measurement.findings)
+    found = {
+        change.name: tuple(name for name, told in sorted(reported.items()) if _tells(told, truth[name], change))
+        for change in plan.alterations
+    }
+    return replace(outcome, found=found)
 
 
 def describe(outcome: Outcome) -> list[str]:
@@ -104,6 +131,7 @@ def describe(outcome: Outcome) -> list[str]:
         for told in outcome.events
     ]
     lines += [f"standing: {merge.receiver} ← {merge.donor}, {words[merge.right]}" for merge in outcome.standing]
+    lines += [f"{name}: found by {', '.join(robots) or 'nobody'}" for name, robots in outcome.found.items()]
     said = "is told" if outcome.tells_the_story else "is not told"
     return [*lines, f"the story of a wrong merge found out, right ones found and one rejection {said}"]
 
@@ -113,9 +141,12 @@ def write_outcome(path: Path, outcome: Outcome) -> None:
     lines = ",\n    ".join(json.dumps(asdict(told)) for told in outcome.events)
     merges = ",\n    ".join(json.dumps(asdict(merge)) for merge in outcome.standing)
     frames = ",\n    ".join(f"{json.dumps(name)}: {json.dumps(pose)}" for name, pose in outcome.T_world_map.items())
+    found = ",\n    ".join(f"{json.dumps(name)}: {json.dumps(robots)}" for name, robots in outcome.found.items())
     path.write_text(
         f'{{\n  "T_world_map": {{\n    {frames}\n  }},\n'
-        f'  "events": [\n    {lines}\n  ],\n  "standing": [\n    {merges}\n  ]\n}}\n',
+        f'  "events": [\n    {lines}\n  ],\n  "standing": [\n    {merges}\n  ]'
+        + (f',\n  "found": {{\n    {found}\n  }}' if found else "")
+        + "\n}\n",
         encoding="utf-8",
     )
 
@@ -130,6 +161,7 @@ def read_outcome(path: Path) -> Outcome:
             Standing(merge["receiver"], merge["donor"], merge["right"], _tuple(merge["T_receiver_donor"]))
             for merge in given["standing"]
         ),
+        {name: tuple(robots) for name, robots in given.get("found", {}).items()},
     )
 
 
@@ -149,7 +181,16 @@ def differences(expected: Outcome, found: Outcome) -> list[str]:
         other = stands.get((merge.receiver, merge.donor))
         if other and not _near(merge.T_receiver_donor, other.T_receiver_donor, SAME_M, SAME_RAD):
             out.append(f"{merge} has moved to {other.T_receiver_donor}")
+    if dict(expected.found) != dict(found.found):
+        out.append(f"of the plan's alterations {dict(expected.found)} should be found, were {dict(found.found)}")
     return out
+
+
+def _tells(findings: Sequence[Finding], T_world_map: Transform, change: Alteration) -> bool:
+    ends = np.array([(f.start_m[:2], f.end_m[:2]) for f in findings if f.kind == change.found_as]).reshape(-1, 2, 2)
+    middles = T_world_map.apply(ends.mean(axis=1))
+    low, high = change.bounds_m
+    return bool(((middles >= low - FOUND_M) & (middles <= high + FOUND_M)).all(axis=1).any())
 
 
 def _is_right(event: Event, truth: Mapping[str, Transform]) -> bool:

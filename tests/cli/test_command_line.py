@@ -165,7 +165,7 @@ def test_decide(capsys):
     assert "✓ grids of any resolution: applies" in out
     answer = json.loads(said(capsys, "decide", "--json", "--own", "type=a", "--other", "type=b")[1])[0]
     assert answer["rejected"]
-    assert "own.type is a, the rule wants occupancy_grid" in answer["reason"]
+    assert answer["reason"].startswith("no rule takes a map of type b into one of type a, ")
 
 
 def test_plugins(capsys):
@@ -210,6 +210,8 @@ def test_convert(tmp_path, capsys):
         (["run", "--start", "50", "--end", "10"], 2, "end_s must lie after start_s"),
         (["run", "--start", "-5"], 2, "mission.start_s"),
         (["run", "--prior", "alpha,bravo=1,2,400"], 2, "priors.0.yaw_rad"),
+        (["run", "--demo", "lunar"], 2, "there is no demo 'lunar': choose one of grids, heterogeneous"),
+        (["run", "--demo", "grids", "a.mcap"], 2, "--demo grids replays its own files, found a.mcap beside it"),
         (["run", "--no-plugin", "nosuch"], 1, "there is no plugin nosuch to leave out: installed are"),
         (["decide"], 2, "name recordings, or describe two maps"),
         (["decide", "--own", "x=1", "--other", "type=b"], 2, "--own needs the map's type"),

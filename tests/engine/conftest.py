@@ -64,7 +64,7 @@ def hear() -> Hear:
 
     def make(robot: str, *at: int, stamp_ns: int = 0) -> Observation:
         T = Transform.planar(float(max(at, default=0)), 0.0, 0.0)
-        return Observation(robot, stamp_ns, stamp_ns, "ear", "heard", tuple(at), T, T)
+        return Observation(robot, stamp_ns, stamp_ns, "ear", "heard", tuple(at), Transform.identity(), T)
 
     return make
 

@@ -72,6 +72,18 @@ def test_a_reversal_that_a_rule_does_not_allow(plugins, tmp_path):
     )
 
 
+def test_the_reason_tells_only_of_rules_for_maps_of_these_types(plugins, tmp_path, facts):
+    others = f"- {{name: of others, when: {{other.type: [snow, sand]}}, {PROCEDURE}}}"
+    small = f"- {{name: small, when: {{own.type: beacons, other.known_area_m2: {{max: 0}}}}, {PROCEDURE}}}"
+    assert table_of(plugins, tmp_path, others).choose(facts).reason.startswith("no rule takes a map of type ")
+    ruling = table_of(plugins, tmp_path, f"{others}\n{small}").choose(facts)
+    assert ruling.reason.startswith("no rule applies: 'small': other.known_area_m2 is")
+    assert "of others" not in ruling.reason
+    assert [(finding.rule, finding.about) for finding in ruling.findings] == [("of others", False), ("small", True)]
+    turned = f"{others}\n{small}\n- {{name: last, reject: never}}"
+    assert "of others" not in table_of(plugins, tmp_path, turned).choose(facts).reason
+
+
 def test_an_empty_table_rejects(plugins, tmp_path, facts):
     assert table_of(plugins, tmp_path, "[]").choose(facts).reason == "the decision table is empty"
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mapgraft.config import LimitsConfig
-from mapgraft.contracts import Contribution, Decision, Match, Measurement, Provenance, Transform, Verdict
+from mapgraft.contracts import Contribution, Decision, Finding, Match, Measurement, Provenance, Transform, Verdict
 from mapgraft.errors import FailedPluginError, MapError
 from mapgraft.guard import Guard
 
@@ -76,6 +76,16 @@ NONSENSE = [
     ("_Disagreeing", "update", 0.5, "where a Measurement was wanted"),
     ("_Disagreeing", "update", Measurement("d", "much", "", 1, "lower"), "a number was wanted"),
     ("_Disagreeing", "update", Measurement("d", 1.0, "", -1, "lower"), "gave a support of -1"),
+    *(
+        ("_Disagreeing", "update", Measurement("d", 1.0, "", 1, "lower", findings=findings), sentence)
+        for findings, sentence in (
+            (None, "gave findings of type NoneType"),
+            ([("hole", 0.5)], "gave ('hole', 0.5) among its findings"),
+            ([Finding("hole", (0.0, 0.0, 0.0), (math.nan, 0.0, 0.0), 1.0, "m")], "a coordinate of a finding of nan"),
+            ([Finding("hole", (0.0, 0.0), (1.0, 0.0), 1.0, "m")], "x, y and z were wanted"),
+            ([Finding("hole", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), "long", "m")], "the value of a finding of 'long'"),
+        )
+    ),
     ("AtMost", "verify", None, "gave None where a Verdict was wanted"),
     ("AtMost", "verify", Verdict("explode", "why not"), "where a Verdict was wanted"),
 ]

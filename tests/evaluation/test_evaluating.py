@@ -138,6 +138,19 @@ def test_any_map_type_can_be_evaluated(courses, small):
     assert all(0.0 <= overlap <= 1.0 for one in evaluation.judged if (overlap := one.by["judged"].overlap) is not None)
 
 
+def test_the_donor_may_map_something_else(courses, plugins, small):
+    """Lines and grids: the truth is told in the receiver's type, and there is no baseline."""
+    few = dataclasses.replace(small, pairs=2, further=0, across=0.0)
+    settings = Settings(few, map_type="line_segments", other_map_type="occupancy_grid", other_resolution_m=0.1)
+    evaluation = evaluate_courses(courses, CONFIG, settings, plugins)
+    assert list(evaluation.summaries) == ["judged"]
+    assert {one.by["judged"].rule for one in evaluation.judged} == {"a grid into line segments"}
+    assert all(one.by["judged"].overlap is not None for one in evaluation.judged)
+    parameters = json.loads(told(evaluation, courses))["parameters"]
+    assert (parameters["map_type"], parameters["other_map_type"]) == ("line_segments", "occupancy_grid")
+    assert (parameters["resolution_m"], parameters["other_resolution_m"]) == (None, 0.1)
+
+
 def _installed() -> bool:
     return any(offered.origin.plugin == "point_landmarks" for offered in load_plugins().offered.values())
 
@@ -153,6 +166,7 @@ def test_a_broken_matcher_is_named_with_the_pair(courses, plugins, rules, small)
         ({"matcher": "corelation"}, "corelation"),
         ({"verifier": "nobody"}, "nobody"),
         ({"map_type": "sponge"}, "sponge"),
+        ({"other_map_type": "sponge"}, "sponge"),
         ({"rules": Path("/nowhere/rules.yaml")}, "/nowhere/rules.yaml"),
     ],
 )

@@ -74,6 +74,7 @@ def test_counts_go_beyond_sixteen_bits_without_loss(scan_of: MakeScan, counts_of
     assert counts[0, 0] == (0, looks + 1)
     assert counts[0, 4] == (1, 0)
     assert len(layer.pool.wide) == 1
+    assert layer.most_looks() == looks + 1
     seen = grid.view(layer).dense()
     assert seen.log_odds.max() == grid.thresholds.clamp
     data = grid.encode(layer)

@@ -7,14 +7,19 @@ from pathlib import Path
 from typing import Any
 
 import duckdb
+import numpy as np
 import pytest
 from plots import ALPHA, AT, UNDERSCORE, provenance, tell, told
 from rosbags.highlevel import AnyReader
 
+from mapgraft.contracts import GRID_MESSAGE, GridMessage, Observation, Transform
 from mapgraft.events import Event
 from mapgraft.outputs.files import connected, transforms_csv
+from mapgraft.outputs.findings import findings_csv
 from mapgraft.outputs.run_folder import RunFolder
 from mapgraft.outputs.standing import StandingMerges
+from mapgraft.plugins import load_plugins
+from mapgraft.procedures import Workshop
 from mapgraft_schemas import TABLES, VERSION, message_texts, table
 
 PAGE = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
@@ -71,6 +76,48 @@ def test_every_file_is_on_the_page(here: Path) -> None:
         if path.suffix == ".parquet":
             shape = f"`OUT/{path.parts[0]}/run_id=<run>/part-00000-<8 hex>.parquet`"
         assert shape in PAGE
+
+
+SHIPPED = ("occupancy_grid", "point_cloud", "line_segments", "floor_plan")
+
+
+def shipped_map(kind: str) -> tuple[Any, Any]:
+    """A map type that is shipped, and a map of it in which something stands and something is free."""
+    workshop, scan = Workshop(load_plugins()), Transform.identity()
+    grid, layer = workshop.map_type("occupancy_grid"), workshop.map_type("occupancy_grid").new_layer()
+    cells = np.zeros((60, 60), np.int8)
+    cells[5, 5:55] = cells[5:55, 5] = 100
+    message = GridMessage(cells, 0.05, Transform.identity())
+    grid.integrate(layer, Observation("r", 0, 0, "map", GRID_MESSAGE, message, scan, scan))
+    made = workshop.map_type(kind)
+    if kind == "floor_plan":
+        layer = made.new_layer()
+        made.integrate(layer, Observation("r", 0, 0, "map", GRID_MESSAGE, message, scan, scan))
+    else:
+        layer = workshop.converter(grid, made)(layer)
+    return made, made.view(layer)
+
+
+@pytest.mark.parametrize("kind", SHIPPED)
+def test_how_each_map_type_is_shown_and_written_is_on_the_page(kind: str) -> None:
+    section = PAGE.split("### Map types")[1].split("###")[0]
+    row = next(line for line in section.splitlines() if line.startswith(f"| `{kind}` |"))
+    map_type, map_ = shipped_map(kind)
+    told = {message.suffix: message.message_type for message in map_type.messages(map_)}
+    assert told
+    assert all(f"`{suffix}` | `{message_type}`" in section for suffix, message_type in told.items())
+    assert all(f"`{name.removeprefix('stem')}`" in row for name in map_type.files(map_, "stem"))
+
+
+def test_every_shipped_map_type_is_on_the_page() -> None:
+    offered = {o.descriptor.name for o in load_plugins().of_kind("map type") if o.origin.distribution == "mapgraft"}
+    assert offered == set(SHIPPED)
+
+
+def test_the_columns_of_findings_csv_are_on_the_page() -> None:
+    section = PAGE.split("## findings.csv")[1].split("## ")[0]
+    assert all(f"`{column}`" in section for column in findings_csv([]).decode().strip().split(","))
+    assert "| `OUT/findings.csv` |" in PAGE and "| `/<robot>/findings` | `visualization_msgs/msg/MarkerArray` |" in PAGE
 
 
 def test_the_columns_of_transforms_csv_are_on_the_page(events: list[Event]) -> None:

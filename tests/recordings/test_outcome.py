@@ -11,12 +11,14 @@ from typing import Any
 import pytest
 
 import mapgraft
-from mapgraft.contracts import Transform
+from mapgraft.contracts import Finding, Measurement, Transform
 from mapgraft.events import Event, Kind
 from mapgraft_recordings import demo_files
+from mapgraft_recordings.drawn_plan import Alteration, DrawnPlan
 from mapgraft_recordings.generate import generate
 from mapgraft_recordings.outcome import Outcome, describe, differences, outcome_of, read_outcome, write_outcome
-from mapgraft_recordings.simulator import START_NS
+from mapgraft_recordings.simulator import START_NS, build_world, parse_plan
+from mapgraft_recordings.told_apart import Apart, told_apart
 
 FRAMES = {"alpha": (1.0, 2.0, 0.5), "bravo": (-3.0, 1.0, -2.0), "charlie": (0.0, 0.0, 3.0)}
 TRUTH = {name: Transform.planar(*pose) for name, pose in FRAMES.items()}
@@ -116,3 +118,28 @@ def test_most_seeds_tell_the_story(tmp_path: Path) -> None:
 def outcome_of_seed(seed: int, folder: Path) -> Outcome:
     mission, paths = generate(seed, folder)
     return outcome_of(mapgraft.run(paths, folder / "config.yaml").events, mission.T_world_map)
+
+
+def test_findings_are_told_apart_by_the_truth() -> None:
+    room = {"walls": [{"line": [[0, 0], [6, 0], [6, 4], [0, 4], [0, 0]]}]}
+    table = {"name": "table", "box": [2, 2, 1, 1]}
+    world = build_world(parse_plan({"name": "a room", "floor": {**room, "furniture": [table]}}), seed=0)
+    plan = DrawnPlan(alterations=[Alteration(name="screen", what="not built", line=(3.0, 1.0, 5.0, 1.0))])
+
+    def finding(kind: str, x_m: float, y_m: float) -> Finding:
+        return Finding(kind, (x_m - 101.0, y_m, 0.0), (x_m - 99.0, y_m, 0.0), 2.0, "m")
+
+    told = (
+        finding("wall missing", 4.0, 1.1),
+        finding("wall added", 4.0, 1.1),  # of another kind, and nothing stands there
+        finding("wall added", 2.5, 2.1),
+        finding("wall missing", 2.5, 2.1),  # where the table stands, but no wall was drawn
+    )
+    measured = (Measurement("plan_deviations", 0.1, "1", 9, "lower", findings=told),)
+    fields = {"receiver": "a", "donor": "plan", "merge_id": "a.plan.1", "measurements": measured}
+    merged = Event(0, 1, "merged", state="provisional", **fields)
+    frames = {"a": (100.0, 0.0, 0.0), "plan": (0.0, 0.0, 0.0)}
+    assert told_apart([merged], frames, plan, world) == {"a": Apart(1, 1, 2)}
+    assert told_apart([merged], frames, plan, world)["a"].findings == 4
+    reverted = Event(1, 2, "reverted", state="reverted", receiver="a", donor="plan", merge_id="a.plan.1")
+    assert told_apart([merged, reverted], frames, plan, world) == {}

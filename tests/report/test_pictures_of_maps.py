@@ -15,7 +15,8 @@ from scipy.ndimage import binary_dilation
 
 from mapgraft.outputs.messages import MessageEncoder
 from mapgraft.outputs.report.paintings import difference_picture, fused_picture, near
-from mapgraft.outputs.report.rasters import FREE, OCCUPIED, UNKNOWN, Canvas, Raster, is_drawable, raster_of
+from mapgraft.outputs.report.rasters import FREE, OCCUPIED, UNKNOWN, Canvas, Raster, drawable_of, raster_of
+from mapgraft.outputs.report.scenes import Look
 
 GRID, CLOUD, MARKERS = (
     "nav_msgs/msg/OccupancyGrid",
@@ -87,9 +88,40 @@ def test_markers_are_seen_where_they_were_left() -> None:
     assert raster.bounds_m[0] == 0.0 and raster.bounds_m[2] == pytest.approx(3.0, abs=0.02)
 
 
-def test_what_has_no_picture_is_known() -> None:
-    assert not is_drawable("mapgraft_msgs/msg/MergeEvent") and is_drawable(GRID)
-    assert raster_of("mapgraft_msgs/msg/MergeEvent", SimpleNamespace()) is None
+def test_lines_are_drawn_as_they_run_and_cubes_of_free_space_are_free() -> None:
+    ends = [{"x": 0.0, "y": 0.0}, {"x": 4.0, "y": 0.0}, {"x": 0.0, "y": 3.0}, {"x": 4.0, "y": 3.0}]
+    for kind, shown in ((5, 800), (4, 1_360)):  # two lines; one more that leads from one to the other
+        raster = raster_of(MARKERS, said(MARKERS, {"markers": [{"type": kind, "points": ends}]}))
+        assert raster is not None and (raster.cells == OCCUPIED).sum() == pytest.approx(shown, rel=0.1)
+    cube = {"type": 6, "color": {"a": 0.4}, "points": [{"x": 2.0, "y": 1.5}], "scale": {"x": 2.0, "y": 1.0}}
+    turned = {"pose": {"position": {"x": 1.0}, "orientation": {"z": math.sin(0.3), "w": math.cos(0.3)}}}
+    for namespace, kind in (("free", FREE), ("walls", OCCUPIED)):
+        markers = [{"type": 5, "points": ends}, {**cube, "ns": namespace}]
+        raster = raster_of(MARKERS, said(MARKERS, {"markers": [{**marker, **turned} for marker in markers]}))
+        assert raster is not None
+        lines = (raster.cells == OCCUPIED).sum() * raster.cell_m**2 if kind == FREE else 0.0
+        assert lines < 0.3
+        assert (raster.cells == kind).sum() * raster.cell_m**2 > 1.0
+        assert raster.bounds_m[3] == pytest.approx(3.0 * math.cos(0.6) + 4.0 * math.sin(0.6), abs=0.05)
+
+
+def test_what_says_most_is_drawn_and_what_has_no_picture_is_known() -> None:
+    event = "mapgraft_msgs/msg/MergeEvent"
+    assert drawable_of([CLOUD, event, MARKERS, GRID]) == GRID
+    assert drawable_of([CLOUD, MARKERS]) == MARKERS
+    assert drawable_of([event]) is None
+    assert raster_of(event, SimpleNamespace()) is None
+
+
+def test_a_map_that_says_how_it_looks_from_above_is_drawn_so() -> None:
+    info = {"resolution": 0.5, "width": 2, "height": 1, "origin": {}}
+    above = ENCODER.encode(GRID, {"info": info, "data": np.array([0, 100], np.int8)}, 0, "map")
+    lines = ENCODER.encode(MARKERS, {"markers": [{"type": 5, "points": [{"x": 0.0}, {"x": 4.0}]}]}, 0, "map")
+    look = Look(ENCODER, {"a": (MARKERS, lines), "b": (GRID, above)}, {"a": (MARKERS, lines)}, {})
+    own, fused = look.own_raster(), look.fused_raster()
+    assert own is not None and own.cells.tolist() == [[FREE, OCCUPIED]]
+    assert fused is not None and (fused.cells == OCCUPIED).all()
+    assert look.undrawn() == []
 
 
 @given(CELLS, CELLS, st.integers(-6, 6), st.integers(-6, 6))

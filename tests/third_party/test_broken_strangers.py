@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from mapgraft.contracts import CONTRACT
+
 Run = Callable[..., subprocess.CompletedProcess[str]]
 Place = Callable[..., Path]
 
@@ -141,3 +143,61 @@ def test_strangers_can_be_left_out(lay_out: Place, mapgraft: Run) -> None:
     alone = json.loads(mapgraft(["plugins", "list", "--json"], folders, own).stdout)
     assert alone["broken"] == []
     assert {offered["distribution"] for offered in alone["offered"]} == {"mapgraft"}
+
+
+DECLARES = """
+from mapgraft.contracts import Descriptor, hookimpl
+
+MAPGRAFT_CONTRACT = {version}
+
+@hookimpl
+def register_matchers(register):
+    register(Descriptor("{name}", "{name}_parts:Matcher", "declares its contract"))
+"""
+RENAMED_SINCE = "from mapgraft.contracts import SomethingOfLater\n"
+
+
+def test_a_plugin_for_another_contract_is_told_in_one_sentence(lay_out: Place, mapgraft: Run) -> None:
+    strangers = {
+        "fits": DECLARES.format(version="(1, 0)", name="fits"),
+        "older": DECLARES.format(version="(0, 7)", name="older"),
+        "newer": DECLARES.format(version="(1, 999)", name="newer"),
+        "nonsense": DECLARES.format(version="'1.0'", name="nonsense"),
+        "renamed": RENAMED_SINCE,
+    }
+    done = mapgraft(["plugins", "list", "--json"], [lay_out(name, text) for name, text in strangers.items()])
+    said = json.loads(done.stdout)
+    reasons = {fault["plugin"]: fault["reason"] for fault in said["broken"]}
+    here = ".".join(map(str, CONTRACT))
+    assert reasons.keys() == strangers.keys() - {"fits"}
+    assert reasons["older"] == f"older was written for contract 0.7, this mapgraft has {here}: update the plugin"
+    assert reasons["newer"] == f"newer was written for contract 1.999, this mapgraft has {here}: update mapgraft"
+    assert reasons["nonsense"].endswith("as MAPGRAFT_CONTRACT = (1, 0), found '1.0'")
+    assert "'SomethingOfLater'" in reasons["renamed"]
+    assert reasons["renamed"].endswith(f"it was written for another contract than {here}: update one of the two")
+    assert "fits" in {offered["name"] for offered in said["offered"]}
+
+
+def test_two_plugins_of_one_name_are_told_apart(lay_out: Place, mapgraft: Run) -> None:
+    first = lay_out("twin", HEALTHY.replace("healthy", "twin").replace('"twin"', '"one"'))
+    other = lay_out("twin_again", HEALTHY.replace("healthy", "twin_again"))
+    entry_points = other / "mapgraft_twin_again-0.1.dist-info" / "entry_points.txt"
+    entry_points.write_text("[mapgraft]\ntwin = twin_again\n")
+    said = json.loads(mapgraft(["plugins", "list", "--json"], [first, other]).stdout)
+    (fault,) = said["broken"]
+    sentence = "there is a plugin 'twin' of mapgraft-twin already: uninstall one of the two"
+    assert fault["reason"] == f"{sentence} (pip uninstall mapgraft-twin_again)"
+    assert {"one"} <= {offered["name"] for offered in said["offered"]}
+
+
+def test_an_extra_that_is_not_installed_is_told_in_one_sentence(lay_out: Place, mapgraft: Run) -> None:
+    missing = HEALTHY.replace('"does its work")', '"lacks", requires=("no_such_module_here",), extra="fancy")')
+    folder = lay_out("healthy", missing)
+    (row,) = [
+        row
+        for row in json.loads(mapgraft(["plugins", "list", "--json"], [folder]).stdout)["offered"]
+        if row["name"] == "healthy"
+    ]
+    assert row["missing"] == "needs no_such_module_here: pip install 'mapgraft-healthy[fancy]'"
+    listed = mapgraft(["plugins", "list"], [folder], {"COLUMNS": "300"}).stdout
+    assert "pip install 'mapgraft-healthy[fancy]'" in listed

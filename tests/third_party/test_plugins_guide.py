@@ -5,18 +5,19 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import inspect
+import json
 import re
 import subprocess
+import sys
 import tomllib
 import typing
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
 import beacons
 import pytest
 
-from mapgraft import contracts, hooks
+from mapgraft import contracts, hooks, testing
 from mapgraft.comparison import Compared
 from mapgraft.contracts import Comparison, Descriptor, MapType, Match, Metric, Step, Transform
 from mapgraft.decision import Rule, parse_rules
@@ -106,20 +107,42 @@ def test_the_first_plugin_measures(first_plugin: Path, monkeypatch: pytest.Monke
     assert not metric.track(nothing).update(Step()).sufficient
 
 
-def test_the_law_check_passes_an_honest_type_and_catches_a_leaky_one() -> None:
-    code = ModuleType("guide")
-    exec(blocks("python")[1], vars(code))
-    kind = beacons.Beacons()
-    own, donor = kind.decode(b"[[1, 2], [3, 1]]"), kind.decode(b"[[1, 1], [2, 1]]")
-    code.check_exact(kind, own, donor, Transform.planar(2.0, 0.0, 0.0), None)
+def test_the_first_plugin_keeps_the_laws(
+    first_plugin: Path,
+    pip_install: Callable[[Path], Path],
+    mapgraft: Callable[..., subprocess.CompletedProcess[str]],
+) -> None:
+    command = blocks("console")[1].splitlines()[1].removeprefix("$ mapgraft ").split()
+    checked = mapgraft([*command, "--json"], [pip_install(first_plugin)])
+    assert checked.returncode == 0, checked.stdout
+    counts = json.loads(checked.stdout)["counts"]
+    assert (counts["kept"], counts["broken"]) == (11, 0)
 
-    class Leaky(beacons.Beacons):
-        def view(self, own, contributions=(), previous=None, touched=None):
-            fresh = super().view(own, contributions)
-            return fresh if previous is None else beacons.Chart({**previous.counts, **fresh.counts})
 
-    with pytest.raises(AssertionError):
-        code.check_exact(Leaky(), own, donor, Transform.planar(2.0, 0.0, 0.0), None)
+def test_the_test_of_the_guide_runs(first_plugin: Path) -> None:
+    (first_plugin / "test_donor_gain.py").write_text(blocks("python")[1], encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_donor_gain.py"],
+        cwd=first_plugin, capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+    assert "5 passed, 1 skipped" in done.stdout
+
+
+def test_the_classes_of_laws_are_told() -> None:
+    classes = {name for name in testing.__all__ if name.endswith("Laws") and name != "Laws"}
+    assert set(re.findall(r"`(\w+Laws)`", TEXT)) == classes
+
+
+def test_the_reference_of_the_hooks_is_up_to_date() -> None:
+    written = subprocess.run([sys.executable, GUIDE.parent / "write_hooks.py", "--check"], check=False, timeout=120)
+    assert written.returncode == 0, "run: python docs/write_hooks.py"
+
+
+def test_the_life_of_a_map_type_names_every_method() -> None:
+    told = TEXT[TEXT.index("## The life of a map type") : TEXT.index("## Units and frames")]
+    methods = [name for name, made in vars(MapType).items() if inspect.isfunction(made) and not name.startswith("_")]
+    assert [name for name in methods if not re.search(rf"\b{name}\b", told)] == []
 
 
 def test_the_rule_fits_the_schema_and_names_what_there_is() -> None:

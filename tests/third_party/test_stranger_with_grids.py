@@ -48,11 +48,10 @@ def test_the_grid_takes_the_landmarks_in(outcomes: Outcomes) -> None:
     assert outcome.file("ash.merged.pgm").startswith(b"P5")
 
 
-def test_the_other_way_is_turned_away_with_the_reason_of_every_rule(outcomes: Outcomes) -> None:
+def test_the_other_way_is_turned_away_with_the_reason(outcomes: Outcomes) -> None:
     (event,) = [e for e in outcomes["standing"].events if (e["receiver"], e["donor"]) == ("ash", "cedar")][1:]
     assert event["kind"] == "rejected"
-    for reason in ("other.type is occupancy_grid", "own.type is point_landmarks"):
-        assert reason in event["reason"]
+    assert event["reason"].startswith("no rule takes a map of type occupancy_grid into one of type point_landmarks")
 
 
 @pytest.mark.parametrize("reversal", ["ledger", "single_map"])

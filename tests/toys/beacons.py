@@ -39,6 +39,7 @@ from mapgraft.contracts import (
     hookimpl,
 )
 
+MAPGRAFT_CONTRACT = (1, 0)
 BEACONS = "beacons"
 
 
@@ -69,6 +70,9 @@ class Heard:
         """The counts without those that have cancelled: they say nothing."""
         return {at: n for at, n in sorted(self.counts.items()) if n}
 
+    def most_looks(self) -> int:
+        return max(map(abs, self.counts.values()), default=0)
+
 
 @dataclass(frozen=True)
 class Chart:
@@ -97,8 +101,12 @@ class Beacons:
         return Heard()
 
     def integrate(self, layer: Heard, observation: Observation) -> Places:
-        layer.counts.update(observation.payload)
-        return Places(frozenset(observation.payload))
+        payload, shift = observation.payload, round(observation.T_map_sensor.x_m / self.spacing_m)
+        if not isinstance(payload, tuple | Mapping):
+            raise MapError(f"beacons are mapped from what was heard, found a {observation.kind}")
+        balance = payload if isinstance(payload, Mapping) else Counter(payload)
+        layer.counts.update({at + shift: n for at, n in balance.items()})
+        return Places(frozenset(at + shift for at in balance))
 
     def view(
         self,
@@ -120,8 +128,12 @@ class Beacons:
         return Chart(dict(sorted(counts.items())))
 
     def place(self, layer: Heard, T_receiver_donor: Transform, scale: float = 1.0) -> Heard:
+        if not isinstance(layer, Heard):
+            raise MapError(f"beacons can be placed, found a layer of {layer.map_type}")
         if not (evidence := layer.evidence()):
             raise EmptyMapError("there is no beacon to place")
+        if scale != 1.0:
+            raise MapError("beacons stand at whole metres: they cannot be scaled")
         shift = round(T_receiver_donor.x_m / self.spacing_m)
         return Heard(Counter({at + shift: n for at, n in evidence.items()}))
 
@@ -169,6 +181,7 @@ class Slide:
     """The matcher: every shift, the one with most beacons in common first."""
 
     def match(self, target: Chart, source: Chart, prior: Prior | None = None) -> Sequence[Match]:
+        _require_beacons(target, source)
         shifts = Counter(a - b for a in target.counts for b in source.counts)
         best = sorted(shifts.items(), key=lambda item: (-item[1], item[0]))[:3]
         return [
@@ -186,6 +199,7 @@ class SlideNear:
         self.spacing_m, self.sigma_m, self.tells = spacing_m, sigma_m, tells
 
     def match(self, target: Chart, source: Chart, prior: Prior | None = None) -> Sequence[Match]:
+        _require_beacons(target, source)
         shifts = Counter(a - b for a in target.counts for b in source.counts)
         evidence = {"shifts": len(shifts)}
         if prior is not None:
@@ -207,6 +221,14 @@ class SlideNear:
             )
             for shift, n in best
         ]
+
+
+def _require_beacons(*maps: Map) -> None:
+    for map_ in maps:
+        if not isinstance(map_, Chart):
+            raise MapError(f"beacons can be matched, found a map of {map_.map_type}")
+        if not map_.known():
+            raise EmptyMapError("there is no beacon to match")
 
 
 class FirstOne:
@@ -243,9 +265,13 @@ class _Disagreeing:
 
     def update(self, step: Step) -> Measurement:
         own, donor = self.comparison.target.counts, self.comparison.donor.counts
+        if not own or not donor:
+            return Measurement("disagreement", math.nan, "beacons", 0, "lower")
         low, high = max(min(own), min(donor)), min(max(own), max(donor))
         inside = {at for at in own.keys() ^ donor.keys() if low <= at <= high}
-        return Measurement("disagreement", float(len(inside)), "beacons", max(0, high - low + 1), "lower")
+        support = max(0, high - low + 1)
+        value = float(len(inside)) if support else math.nan
+        return Measurement("disagreement", value, "beacons", support, "lower")
 
 
 class AtMost:
@@ -257,6 +283,8 @@ class AtMost:
     def verify(self, history: Sequence[Sample], reversal: str) -> Verdict:
         now = history[-1]
         value = now.measurements["disagreement"].value
+        if math.isnan(value):
+            return Verdict("keep", "there is too little to measure")
         if value > self.limit:
             limit = {"disagreement.revert_at": self.limit + 1.0}
             return Verdict("revert", f"{value:.0f} beacons disagree, {self.limit:.0f} may", limit)
@@ -301,6 +329,7 @@ def register_fusers(register):
 @hookimpl
 def register_metrics(register):
     register(Descriptor("disagreement", "beacons:Disagreement", "what only one has heard", accepts=("beacons",)))
+    register(Descriptor("echoes", "echoes:Echoes", "heard where the donor is deaf", accepts=("beacons",), stream=True))
 
 
 @hookimpl

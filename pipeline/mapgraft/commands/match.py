@@ -16,7 +16,7 @@ from mapgraft.job import as_config
 from mapgraft.matching.document import document
 from mapgraft.matching.folder import write_folder
 from mapgraft.matching.pairing import Pairer
-from mapgraft.matching.ready_map import RESOLUTION, ReadyMap, Shelf
+from mapgraft.matching.ready_map import FORMAT, RESOLUTION, ReadyMap, Shelf
 from mapgraft.plugins import Plugins, load_plugins
 from mapgraft.procedures import Workshop
 from mapgraft.substitution import substituted
@@ -35,6 +35,7 @@ class Asked:
     rules: Path | None = None
     matcher: str | None = None
     without: Sequence[str] = ()
+    other_format: str | None = None
 
     def __post_init__(self) -> None:
         if self.unknown_gray is not None and self.unknown_gray not in range(256):
@@ -91,10 +92,11 @@ def options_of(shelf: Shelf, maps: Sequence[Path], asked: Asked) -> list[dict[st
 
 def options_for(shelf: Shelf, path: Path, side: int, asked: Asked) -> dict[str, object]:
     """What was asked that the format of a file can use; ``side`` is 0 for A and 1 for B."""
-    wanted = {UNKNOWN_GRAY: asked.unknown_gray, RESOLUTION: asked.resolution_m}
-    if side == 1 and asked.other_resolution_m is not None:
-        wanted[RESOLUTION] = asked.other_resolution_m
-    return {name: value for name, value in wanted.items() if value is not None and shelf.takes(path, name)}
+    form = asked.other_format if side == 1 else None
+    wanted: dict[str, object] = {UNKNOWN_GRAY: asked.unknown_gray, RESOLUTION: asked.resolution_m, FORMAT: form}
+    if side == 1 and (asked.other_resolution_m is not None or form is not None):
+        wanted[RESOLUTION] = asked.other_resolution_m  # what another format reads has pixels of another size
+    return {name: value for name, value in wanted.items() if value is not None and shelf.takes(path, name, form)}
 
 
 def _require_used(option: str, value: object, maps: Sequence[Path], used: bool) -> None:

@@ -25,7 +25,7 @@ from mapgraft.job import as_config
 from mapgraft.matching.document import document
 from mapgraft.matching.judging import Judged, LeftOut, judge, summed_up
 from mapgraft.matching.pair_list import MapFile, read_lists
-from mapgraft.matching.ready_map import RESOLUTION, ReadyMap, Shelf
+from mapgraft.matching.ready_map import FORMAT, RESOLUTION, ReadyMap, Shelf
 from mapgraft.plugins import load_plugins
 
 PAIR = "pair"
@@ -83,8 +83,10 @@ def judge_and_show(lists: Lists, asked: Asked, out: Path | None, *, as_json: boo
 
 def _options(shelf: Shelf, file: MapFile, side: int, asked: Asked) -> dict[str, object]:
     """What a list says of a file goes before what the command line says of all."""
-    told = {RESOLUTION: file.resolution_m, "origin": file.origin}
-    given = {name: value for name, value in told.items() if value is not None and shelf.takes(file.path, name)}
+    told: dict[str, object] = {RESOLUTION: file.resolution_m, "origin": file.origin, FORMAT: file.format}
+    asked = asked if file.format is None else dataclasses.replace(asked, resolution_m=None, other_format=file.format)
+    form = file.format or (asked.other_format if side == 1 else None)
+    given = {name: value for name, value in told.items() if value is not None and shelf.takes(file.path, name, form)}
     return {**options_for(shelf, file.path, side, asked), **given}
 
 

@@ -1,10 +1,11 @@
 """Everything a plugin sees of mapgraft: values, protocols, ``hookimpl`` and the errors it may raise."""
 
 from mapgraft.contracts.exchange import Meeting, Policy, Situation
-from mapgraft.contracts.geometry import Matrix4, Points, Transform
+from mapgraft.contracts.geometry import ROTATION_STEP, Matrix4, Points, Transform
 from mapgraft.contracts.maps import (
     Contribution,
     Conversion,
+    CountedLayer,
     Donation,
     Exactness,
     Layer,
@@ -28,12 +29,25 @@ from mapgraft.contracts.merging import (
     Matcher,
     Prior,
 )
-from mapgraft.contracts.observations import GRID_MESSAGE, SCAN, GridMessage, Observation, Rays, Scan
-from mapgraft.contracts.plugin import API, Descriptor, Register, RegisterRules, hookimpl
+from mapgraft.contracts.observations import (
+    CLOUD,
+    CLOUD_MAP,
+    GRID_MESSAGE,
+    SCAN,
+    Cloud,
+    GridMessage,
+    Observation,
+    Pictured,
+    Rays,
+    Scan,
+)
+from mapgraft.contracts.plugin import CONTRACT, Descriptor, Register, RegisterRules, hookimpl
 from mapgraft.contracts.sources import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText, Source
 from mapgraft.contracts.verification import (
     RECENT_SAMPLES,
+    Anew,
     Comparison,
+    Finding,
     LocalTracker,
     Measurement,
     Measurements,
@@ -59,17 +73,23 @@ from mapgraft.errors import (
 )
 
 __all__ = [
-    "API",
+    "CLOUD",
+    "CLOUD_MAP",
+    "CONTRACT",
     "GRID_MESSAGE",
     "RECENT_SAMPLES",
+    "ROTATION_STEP",
     "SCAN",
     "Acceptor",
+    "Anew",
     "Candidate",
     "Channel",
+    "Cloud",
     "Comparison",
     "ConfigError",
     "Contribution",
     "Conversion",
+    "CountedLayer",
     "Covariance",
     "Decision",
     "DecisionTableError",
@@ -77,6 +97,7 @@ __all__ = [
     "Donation",
     "EmptyMapError",
     "Exactness",
+    "Finding",
     "Fuser",
     "GridMessage",
     "Layer",
@@ -97,6 +118,7 @@ __all__ = [
     "Observation",
     "OutputError",
     "OutputMessage",
+    "Pictured",
     "PluginError",
     "Points",
     "Policy",

@@ -41,6 +41,17 @@ class Layer(Protocol):
     def map_type(self) -> str: ...
 
 
+@runtime_checkable
+class CountedLayer(Layer, Protocol):
+    """A layer that can tell how often its units were seen, so that nobody makes more of them than there were.
+
+    ``most_looks`` is the largest count that a unit has of anything (hits, misses): so many observations say the same of
+    it. Neither placing nor converting raises it, also where several units fall into one: they were seen together.
+    """
+
+    def most_looks(self) -> int: ...
+
+
 class Map(Protocol):
     """A read-only view computed from layers: what matchers and metrics look at."""
 
@@ -249,7 +260,12 @@ class MapType(Protocol):
         ...
 
     def messages(self, map_: Map) -> Iterable[OutputMessage]:
-        """How viewers see the map."""
+        """How viewers see the map.
+
+        Pictures of it are drawn from the ``nav_msgs/OccupancyGrid`` among them, which says how it looks from above;
+        where there is none, from lines, boxes and points, which are walls, but free space in markers of the namespace
+        ``free``.
+        """
         ...
 
     def files(self, map_: Map, stem: str) -> Mapping[str, bytes]:
@@ -260,10 +276,11 @@ class MapType(Protocol):
 class Conversion(Protocol):
     """Turns a layer of one type into a layer of another; counts survive, not only classes.
 
-    ``target`` is the type instance whose parameters (resolution, …) the result must have. A rule's ``via`` names the
-    type in which two maps are matched and measured; what the fuser then gets is the donor's layer in the receiver's
-    type where a conversion leads there, and as it was sent where none does.
+    ``source`` is the instance whose parameters (thresholds, …) say how the layer is read, ``target`` the one whose
+    parameters (resolution, …) the result must have; where the layer's scale is unknown, the result's resolution is in
+    the layer's own units. A rule's ``via`` names the type in which two maps are matched and measured; what the fuser
+    then gets is the donor's layer in the receiver's type where conversions lead there, and as it was sent where none
+    does.
     """
 
-    def convert(self, layer: Layer, target: MapType) -> Layer: ...
-    def region(self, region: Region, target: MapType) -> Region: ...
+    def convert(self, layer: Layer, source: MapType, target: MapType) -> Layer: ...

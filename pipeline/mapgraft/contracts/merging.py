@@ -19,7 +19,11 @@ Covariance = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prior:
-    """A guess of the transform from elsewhere (a person, the recording), with its covariance."""
+    """A guess of the transform from elsewhere (a person, the recording), with its covariance.
+
+    Where the donor's scale is unknown it tells where the donor's origin lies and how its map is turned, whatever the
+    scale.
+    """
 
     T_receiver_donor: Transform
     covariance: Covariance

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,8 @@ from mapgraft.contracts.geometry import Points, Transform
 
 SCAN = "scan"
 GRID_MESSAGE = "grid_message"
+CLOUD = "cloud"
+CLOUD_MAP = "cloud_map"
 
 
 class Rays(NamedTuple):
@@ -56,6 +58,22 @@ class Scan:
         return Rays(starts @ T + matrix[:2, 3], turned @ T + matrix[:2, 3], self.hits[valid])
 
 
+@runtime_checkable
+class Pictured(Protocol):
+    """A payload that was read from an image, or could be: where its pixels lie in the map frame.
+
+    ``shape_px`` is height and width, None where there is no image after all; ``resolution_m`` the side of a pixel;
+    ``T_map_origin`` the pose of the outer corner of the lower-left pixel.
+    """
+
+    @property
+    def shape_px(self) -> tuple[int, int] | None: ...
+    @property
+    def resolution_m(self) -> float: ...
+    @property
+    def T_map_origin(self) -> Transform: ...
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class GridMessage:
     """A ready-made occupancy grid, as ``nav_msgs/OccupancyGrid`` defines it.
@@ -68,6 +86,24 @@ class GridMessage:
     resolution_m: float
     T_map_origin: Transform
 
+    @property
+    def shape_px(self) -> tuple[int, int]:
+        height, width = self.cells.shape
+        return height, width
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cloud:
+    """Points in three dimensions in the sensor frame: one sweep of a lidar or camera, or a ready-made map of points.
+
+    ``points_m`` (n, 3) float32, finite. ``origin_m`` is where the sweep was seen from, so that what lies between it and
+    a point is free; None where nobody knows. ``dropped`` counts points that were left out because they are no returns.
+    """
+
+    points_m: NDArray[np.float32]
+    origin_m: tuple[float, float, float] | None = (0.0, 0.0, 0.0)
+    dropped: int = 0
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
@@ -75,7 +111,8 @@ class Observation:
 
     ``stamp_ns`` is the time on the mission's timeline, ``recorded_ns`` the stamp as recorded; they differ when robots
     recorded one after another are shifted to a common start. ``kind`` names the payload: ``scan`` (Scan),
-    ``grid_message`` (GridMessage), or whatever a plugin's decoder gives. ``T_map_sensor`` places the payload;
+    ``grid_message`` (GridMessage), ``cloud`` (Cloud, one sweep), ``cloud_map`` (Cloud, a ready-made map of
+    points), or whatever a plugin's decoder gives. ``T_map_sensor`` places the payload;
     ``T_map_base`` is where the robot's body was, for its path.
     """
 

@@ -84,11 +84,27 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that a metric found at one place: where in the receiver's map frame, what, and how much of it.
+
+    ``kind`` is a few words (``wall missing``); ``start_m`` and ``end_m`` (x, y, z) are the ends of what was found,
+    equal where it is a point; ``value`` is in ``unit``.
+    """
+
+    kind: str
+    start_m: tuple[float, float, float]
+    end_m: tuple[float, float, float]
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
 class Measurement:
     """One value of one metric: NaN when there is too little to measure.
 
     ``support`` is how much it rests on (cells, beams, …) and ``better`` which way it should go; ``details`` holds
-    further named values (variants, parts, the same in another unit).
+    further named values (variants, parts, the same in another unit). ``findings`` are the single things that it found,
+    if that is what people want to see; of each standing merge the latest are written to a file and shown in viewers.
     """
 
     name: str
@@ -97,6 +113,7 @@ class Measurement:
     support: int
     better: Literal["higher", "lower"]
     details: Mapping[str, float] = field(default_factory=dict)
+    findings: Sequence[Finding] = ()
 
     @property
     def sufficient(self) -> bool:
@@ -110,6 +127,22 @@ class Tracker(Protocol):
     """One metric of one candidate or merge. An incremental update equals a fresh measurement (a law)."""
 
     def update(self, step: Step) -> Measurement: ...
+
+
+class Anew:
+    """The tracker of metrics that look at both maps as they are, whatever has happened since: it measures anew.
+
+    What costs much is kept with the maps by those who compute it.
+    """
+
+    __slots__ = ("_comparison", "_measure")
+
+    def __init__(self, comparison: Comparison, measure: Callable[[Comparison], Measurement]) -> None:
+        self._comparison = comparison
+        self._measure = measure
+
+    def update(self, step: Step) -> Measurement:
+        return self._measure(self._comparison)
 
 
 @runtime_checkable

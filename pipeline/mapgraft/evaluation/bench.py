@@ -10,7 +10,7 @@ from pathlib import Path
 
 from mapgraft.assembly import preferred_type
 from mapgraft.config import Config
-from mapgraft.contracts import MapType
+from mapgraft.contracts import Layer, MapType
 from mapgraft.decision import DecisionTable, build_table
 from mapgraft.errors import UsageError
 from mapgraft.evaluation.building import build
@@ -31,10 +31,10 @@ JUDGED, BASELINE = "judged", "baseline"
 class Settings:
     """What is evaluated.
 
-    ``map_type`` None stands for what a run would take; resolutions for those of the configuration or the map type, and
-    ``other_resolution_m``, the donor's, for the receiver's. ``rules`` is a decision table instead of the installed one;
-    ``matcher`` and ``verifier`` take the places of those in it. With ``baseline`` the rules of the paper are put
-    through the same pairs.
+    ``map_type`` None stands for what a run would take, ``other_map_type``, the donor's, for the receiver's; resolutions
+    for those of the configuration or the map type, and ``other_resolution_m``, the donor's, for the receiver's.
+    ``rules`` is a decision table instead of the installed one; ``matcher`` and ``verifier`` take the places of those in
+    it. With ``baseline`` the rules of the paper are put through the same pairs.
     """
 
     drawing: Drawing = field(default_factory=Drawing)
@@ -45,6 +45,7 @@ class Settings:
     matcher: str | None = None
     verifier: str | None = None
     baseline: bool = True
+    other_map_type: str | None = None
 
     def __post_init__(self) -> None:
         for resolution_m in (self.resolution_m, self.other_resolution_m):
@@ -111,24 +112,40 @@ class Bench:
     def new_types(self) -> tuple[MapType, MapType]:
         """Map types for a receiver and a donor."""
         config = self.config.map
-        given = config.parameters if config.type in (None, self.map_type) else {}
         own_m = self.settings.resolution_m
-        other_m = self.settings.other_resolution_m or own_m
-        own = given if own_m is None else given | {"resolution_m": own_m}
-        other = given if other_m is None else given | {"resolution_m": other_m}
-        make = self._workshop.new_map_type
-        return make(self.map_type, own), make(self.map_type, other)
+        other_m = self.settings.other_resolution_m or (own_m if self.other_map_type == self.map_type else None)
+        sides = ((self.map_type, own_m), (self.other_map_type, other_m))
+        made = []
+        for name, resolution_m in sides:
+            given = config.parameters if config.type in (None, name) else {}
+            told = given if resolution_m is None else given | {"resolution_m": resolution_m}
+            made.append(self._workshop.new_map_type(name, told))
+        return made[0], made[1]
+
+    @property
+    def other_map_type(self) -> str:
+        """The donor's map type."""
+        return self.settings.other_map_type or self.map_type
+
+    def _converted(self, layer: Layer, source: MapType, target: MapType) -> Layer:
+        return layer if source.name == target.name else self._workshop.converter(source, target)(layer)
 
     def _require_type(self) -> None:
         """Raises UsageError when what was asked for is not installed, and what its parameters raise."""
         known = [offered.descriptor.name for offered in self.plugins.of_kind("map type")]
-        if self.settings.map_type is not None and self.map_type not in known:
-            raise UsageError(f"there is no map type {self.map_type!r}: installed are {', '.join(known) or 'none'}")
+        for asked in (self.settings.map_type, self.settings.other_map_type):
+            if asked is not None and asked not in known:
+                raise UsageError(f"there is no map type {asked!r}: installed are {', '.join(known) or 'none'}")
+        if self.plugins.way(self.other_map_type, self.map_type) is None:
+            raise UsageError(
+                f"a donor of type {self.other_map_type} cannot be judged for a receiver of type {self.map_type}: no "
+                "conversion leads there; choose two types between which one does"
+            )
         self.new_types()
 
     def judge(self, number: int) -> Judged:
         """Build one pair and put it through every contender."""
-        pair = build(self.plans[number], *self.new_types())
+        pair = build(self.plans[number], *self.new_types(), self._converted)
         growth, by = grow(pair), {}
         for contender in self.contenders:
             donor = offering(pair, contender.table, self._workshop)
@@ -138,10 +155,12 @@ class Bench:
 
     def _add_baseline(self) -> None:
         table = paper_rules(self.plugins)
-        why = table.records[0].lacking or table.records[0].obstacle(self.map_type, self.map_type)
-        if self.map_type != "occupancy_grid" or why is not None:
-            said = why or f"the paper's rules are for occupancy grids, not for {self.map_type}"
-            self.remarks.append(f"no baseline: {said}")
+        paper = table.records[0]
+        why = paper.lacking
+        if why is None and not paper.rule.is_about({"own.type": self.map_type, "other.type": self.other_map_type}):
+            why = f"the paper's rules are not for {' and '.join(sorted({self.map_type, self.other_map_type}))}"
+        if why is not None:
+            self.remarks.append(f"no baseline: {why}")
         else:
             self.contenders.append(Contender(BASELINE, table))
 

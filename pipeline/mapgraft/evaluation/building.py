@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from mapgraft.contracts import Layer, Map, MapType, Observation, Transform
@@ -39,8 +39,21 @@ class Pair:
         return 0.0 if self.truth is None else self.truth.overlap
 
 
-def build(plan: PairPlan, receiver_type: MapType, donor_type: MapType) -> Pair:
-    """Map both windows of a plan, each in the frame of its first scan, turned."""
+def as_it_is(layer: Layer, source: MapType, target: MapType) -> Layer:
+    """The layer of a donor whose map is of the receiver's type."""
+    return layer
+
+
+def build(
+    plan: PairPlan,
+    receiver_type: MapType,
+    donor_type: MapType,
+    convert: Callable[[Layer, MapType, MapType], Layer] = as_it_is,
+) -> Pair:
+    """Map both windows of a plan, each in the frame of its first scan, turned.
+
+    ``convert`` brings the donor's layer into the receiver's type, in which the truth about the two is told.
+    """
     T_receiver_map = frame_of(plan.receiver, plan.receiver_turn_rad)
     T_donor_map = frame_of(plan.donor, plan.donor_turn_rad)
     receiver = _side(receiver_type, rebased(plan.receiver.observations, T_receiver_map, RECEIVER))
@@ -50,7 +63,7 @@ def build(plan: PairPlan, receiver_type: MapType, donor_type: MapType) -> Pair:
         T_world_receiver = plan.receiver.course.T_world_map @ T_receiver_map.inverse()
         T_world_donor = plan.donor.course.T_world_map @ T_donor_map.inverse()
         T_receiver_donor = T_world_receiver.inverse() @ T_world_donor
-        truth = Truth.of(receiver_type, receiver.map, donor.layer, T_receiver_donor)
+        truth = Truth.of(receiver_type, receiver.map, convert(donor.layer, donor_type, receiver_type), T_receiver_donor)
     return Pair(plan, receiver, donor, rebased(plan.receiver.following, T_receiver_map, RECEIVER), truth)
 
 

@@ -49,7 +49,7 @@ def walls_middle(truth: Truth | None, donor_type: MapType, donor: Map) -> Points
     """
     if truth is not None:
         seen_m: Points = truth.points_m.mean(axis=0)[None]
-        there_m: Points = truth.T_receiver_donor.inverse().apply(seen_m)[0]
+        there_m: Points = truth.T_receiver_donor.inverse().apply(seen_m)[0] / truth.scale
         return there_m
     walls_m: Points = donor_type.structure(donor)
     middle_m: Points = walls_m.mean(axis=0) if len(walls_m) else np.zeros(2)

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from mapgraft.evaluation.bench import Settings
+from mapgraft.evaluation.bench import Bench
 from mapgraft.evaluation.certainty import ELLIPSE_95
 from mapgraft.evaluation.drawing import PairPlan, Window
 from mapgraft.evaluation.evaluating import Evaluation
@@ -27,7 +27,7 @@ def document(evaluation: Evaluation, provenance: RunProvenance) -> dict[str, Any
             "format": FORMAT,
             "version": provenance.version,
             "plugins": dict(sorted(provenance.plugins.items())),
-            "parameters": _parameters(bench.settings, bench.map_type, bench.config.reversal),
+            "parameters": _parameters(bench),
             "config": provenance.config_text,
             "files": [dataclasses.asdict(file) for file in provenance.inputs],
             "robots": [
@@ -65,16 +65,18 @@ def finite(content: Any) -> Any:
     return None if isinstance(content, float) and not math.isfinite(content) else content
 
 
-def _parameters(settings: Settings, map_type: str, reversal: str) -> dict[str, Any]:
+def _parameters(bench: Bench) -> dict[str, Any]:
+    settings, alike = bench.settings, bench.other_map_type == bench.map_type
     return {
         **dataclasses.asdict(settings.drawing),
-        "map_type": map_type,
+        "map_type": bench.map_type,
+        "other_map_type": bench.other_map_type,
         "resolution_m": settings.resolution_m,
-        "other_resolution_m": settings.other_resolution_m or settings.resolution_m,
+        "other_resolution_m": settings.other_resolution_m or (settings.resolution_m if alike else None),
         "rules": None if settings.rules is None else str(settings.rules),
         "matcher": settings.matcher,
         "verifier": settings.verifier,
-        "reversal": reversal,
+        "reversal": bench.config.reversal,
         "right_m": RIGHT_M,
         "right_deg": RIGHT_DEG,
         "ellipse_chi2": ELLIPSE_95,

@@ -40,12 +40,13 @@ class Truth:
     walls_m: Points
     shared_walls: int
     overlap: float
+    scale: float = 1.0
 
     @classmethod
-    def of(cls, map_type: MapType, own_map: Map, donor: Layer, T_receiver_donor: Transform) -> Self:
-        """The truth about a receiver's map, and a donor's layer in its own frame."""
+    def of(cls, map_type: MapType, own_map: Map, donor: Layer, T_receiver_donor: Transform, scale: float = 1.0) -> Self:
+        """The truth about a receiver's map, and a donor's layer in its own frame and scale."""
         try:
-            placed = map_type.view(map_type.place(donor, T_receiver_donor))
+            placed = map_type.view(map_type.place(donor, T_receiver_donor, scale))
         except EmptyMapError:
             placed = map_type.view(None)
         walls_m = map_type.structure(placed, own_map)
@@ -58,6 +59,7 @@ class Truth:
             walls_m if len(walls_m) else map_type.structure(placed),
             len(walls_m),
             joint / max(1, min(len(ours), len(theirs))),
+            scale,
         )
 
     @property
@@ -68,7 +70,7 @@ class Truth:
     def error(self, T_receiver_donor: Transform, scale: float = 1.0) -> Error:
         """How far a hypothesis of the transform is off."""
         points = self.points_m
-        in_donor = self.T_receiver_donor.inverse().apply(points)
+        in_donor = self.T_receiver_donor.inverse().apply(points) / self.scale
         found = T_receiver_donor.apply(scale * in_donor)
         _, turn_rad = self.T_receiver_donor.difference(T_receiver_donor)
         return Error(float(np.linalg.norm(found - points, axis=1).mean()), math.degrees(abs(turn_rad)))

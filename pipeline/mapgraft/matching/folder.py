@@ -14,6 +14,7 @@ from mapgraft.matching.overlay import paint, png
 from mapgraft.matching.pairing import Hypothesis, Pairing
 from mapgraft.matching.placing import placed_sketch, sketch
 from mapgraft.outputs.files import json_bytes
+from mapgraft.outputs.findings import FINDINGS, findings_csv
 from mapgraft.outputs.lock import locked
 from mapgraft.outputs.names import file_names
 from mapgraft.outputs.staging import Staging, writing
@@ -68,6 +69,13 @@ def _files(pairing: Pairing, workshop: Workshop) -> dict[str, bytes]:
     files: dict[str, bytes] = {}
     if pairing.best is not None:
         files[OVERLAY if pairing.best.accepted else CANDIDATE] = picture(pairing, pairing.best, workshop)
+        found = [
+            (pairing.a.name, pairing.b.name, "", measurement.name, finding)
+            for measurement in pairing.best.measurements or ()
+            for finding in measurement.findings
+        ]
+        if found:
+            files[FINDINGS] = findings_csv(found)
     if pairing.merged is not None:
         files |= _checked(pairing.a.map_type.files(pairing.merged, STEM))
     return files

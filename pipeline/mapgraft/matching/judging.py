@@ -134,20 +134,21 @@ def _truth(pair: TruePair, pairing: Pairing, pairer: Pairer) -> Truth:
         raise MapError(f"{pair.id} cannot be judged: no conversion leads from {b.map_type.name} to {a.map_type.name}")
     S = in_metres(*_frames(pair, a, b), _of(pair))
     walls = np.asarray(b.map_type.structure(b.view)[:, :2], np.float64)
-    return Truth.of(a.map_type, a.view, layer, rigid_about(S, walls.mean(axis=0)))
+    scale = 1.0 if a.metadata.scale_known and b.metadata.scale_known else scale_of(S)
+    return Truth.of(a.map_type, a.view, layer, rigid_about(S, walls.mean(axis=0), scale), scale)
 
 
-def rigid_about(S: Similarity, centre_m: Points) -> Transform:
-    """The rotation and shift nearest to a similarity of scale about 1 where the points around a centre are."""
+def rigid_about(S: Similarity, centre_m: Points, scale: float = 1.0) -> Transform:
+    """The rotation and shift nearest to a similarity of about that scale where the points around a centre are."""
     turn = Transform.planar(0.0, 0.0, yaw_of(S))
-    shift = moved(S, centre_m[None])[0] - turn.apply(centre_m[None])[0]
+    shift = moved(S, centre_m[None])[0] - turn.apply(scale * centre_m[None])[0]
     return Transform.planar(float(shift[0]), float(shift[1]), yaw_of(S))
 
 
 def _not_judged(pair: TruePair, a: ReadyMap, b: ReadyMap) -> str | None:
     if pair.suspect:
         return "the list calls its truth suspect"
-    if pair.kind == "unrelated":
+    if pair.kind == "unrelated" or not (a.metadata.scale_known and b.metadata.scale_known):
         return None
     scale = scale_of(in_metres(*_frames(pair, a, b), _of(pair)))
     if abs(math.log(scale)) > math.log1p(_SAME_SCALE):

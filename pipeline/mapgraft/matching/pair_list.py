@@ -34,6 +34,8 @@ class ListedPair(BaseModel):
     resolution_b_m: Side | None = Field(None, validation_alias=AliasChoices("resolution_b_m", "res_b"))
     origin_a: tuple[float, float, float] | None = None
     origin_b: tuple[float, float, float] | None = None
+    format_a: str | None = None
+    format_b: str | None = None
     T_px_b2a: tuple[float, float, float, float, float, float] | None = None
     keypoints_a: list[Pixel] | None = None
     keypoints_b: list[Pixel] | None = None
@@ -65,6 +67,7 @@ class MapFile:
     path: Path
     resolution_m: float | None = None
     origin: tuple[float, float, float] | None = None
+    format: str | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,8 +104,8 @@ class PairList:
         document = _read(path)
         for number, entry in enumerate(document.pairs, start=1):
             where = f"{path.name}, entry {number} ({entry.id or f'{entry.a}, {entry.b}'})"
-            a = self._file(path.parent / entry.a, entry.resolution_a_m, entry.origin_a, where)
-            b = self._file(path.parent / entry.b, entry.resolution_b_m, entry.origin_b, where)
+            a = self._file(path.parent / entry.a, entry.resolution_a_m, entry.origin_a, where, entry.format_a)
+            b = self._file(path.parent / entry.b, entry.resolution_b_m, entry.origin_b, where, entry.format_b)
             kind = "unrelated" if unrelated else _kind_of(entry, where)
             if kind == "unrelated":
                 self.pairs.append(TruePair(_id_of(entry), a, b, "unrelated", suspect=entry.suspect))
@@ -126,9 +129,14 @@ class PairList:
         return self.files[file.path]
 
     def _file(
-        self, path: Path, resolution_m: float | None, origin: tuple[float, float, float] | None, where: str
+        self,
+        path: Path,
+        resolution_m: float | None,
+        origin: tuple[float, float, float] | None,
+        where: str,
+        form: str | None = None,
     ) -> MapFile:
-        file = MapFile(path.resolve(), resolution_m, origin)
+        file = MapFile(path.resolve(), resolution_m, origin, form)
         before = self.files.get(file.path)
         if before is None:
             self.files[file.path] = file
@@ -138,7 +146,10 @@ class PairList:
                 f"{where}: {path.name} has {resolution_m:g} m per pixel here and {before.resolution_m:g} m elsewhere"
             )
         self.files[file.path] = MapFile(
-            file.path, before.resolution_m or resolution_m, before.origin if before.origin is not None else origin
+            file.path,
+            before.resolution_m or resolution_m,
+            before.origin if before.origin is not None else origin,
+            before.format or form,
         )
         return file
 

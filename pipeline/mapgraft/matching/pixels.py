@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft.contracts import GridMessage, Points, Transform
+from mapgraft.contracts import Pictured, Points, Transform
 
 Similarity = NDArray[np.float64]  # (3, 3) homogeneous, of the plane: a rotation, a shift and one scale
 
@@ -22,9 +22,14 @@ class Frame:
     M_map_px: Similarity
 
 
-def frame_of(payload: GridMessage) -> Frame:
-    """The frame of the image that a ready-made grid was read from, or would be written to: its top row first."""
-    height, width = payload.cells.shape
+def frame_of(payload: object) -> Frame | None:
+    """The frame of the image that a ready-made map was read from, or would be written to: its top row first.
+
+    None where the payload has none.
+    """
+    if not isinstance(payload, Pictured) or payload.shape_px is None:
+        return None
+    height, width = payload.shape_px
     r = payload.resolution_m
     turn = np.array([[r, 0.0, 0.5 * r], [0.0, -r, (height - 0.5) * r], [0.0, 0.0, 1.0]])
     return Frame(width, height, r, planar(payload.T_map_origin) @ turn)

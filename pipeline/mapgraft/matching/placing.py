@@ -64,9 +64,9 @@ def in_type_of(workshop: Workshop, a: ReadyMap, b: ReadyMap) -> Layer | None:
     own, other = a.map_type.name, b.map_type.name
     if own == other:
         return b.layer
-    if workshop.plugins.converts(other, own) is None:
+    if workshop.plugins.way(other, own) is None:
         return None
-    return workshop.conversion(other, own).convert(b.layer, a.map_type)
+    return workshop.converter(b.map_type, a.map_type)(b.layer)
 
 
 def _free(fields: Mapping[str, Any]) -> tuple[Points, float]:

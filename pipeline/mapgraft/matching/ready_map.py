@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mapgraft.assembly import map_type_of
 from mapgraft.config import Config
-from mapgraft.contracts import GridMessage, Layer, Map, MapError, MapMetadata, MapType, Observation, Transform
+from mapgraft.contracts import Layer, Map, MapError, MapMetadata, MapType, Observation, Transform
 from mapgraft.matching.pixels import Frame, frame_of
 from mapgraft.plugins import Plugins
 from mapgraft.procedures import Workshop
@@ -17,6 +17,7 @@ from mapgraft.recording.robots.library import Library
 from mapgraft.reversal import Ledger
 
 RESOLUTION = "resolution_m"  # the option of formats whose files do not tell it
+FORMAT = "format"  # the option that names the format, where the file's name would tell another
 _NOBODY = Transform.identity()
 
 
@@ -61,9 +62,10 @@ class Shelf:
     def __post_init__(self) -> None:
         self._library = Library(self.plugins, self.config.mission.typestore)
 
-    def takes(self, path: Path, option: str) -> bool:
-        """Whether the format of a file has that option; raises MapError when no format reads it."""
-        return option in inspect.signature(self.plugins.function("format", self._format_of(path))).parameters
+    def takes(self, path: Path, option: str, form: str | None = None) -> bool:
+        """Whether the format of a file, or the one that is named, has that option; MapError when no format reads it."""
+        chosen = form or self._format_of(path)
+        return option == FORMAT or option in inspect.signature(self.plugins.function("format", chosen)).parameters
 
     def read(self, path: Path, options: Mapping[str, object]) -> ReadyMap:
         """The map in a file; ``options`` go before the configured ones.
@@ -77,15 +79,16 @@ class Shelf:
         return self._read[key]
 
     def _made(self, path: Path, options: Mapping[str, object]) -> ReadyMap:
-        form, name, remarks = self._format_of(path), path.stem, list[str]()
+        name, remarks = path.stem, list[str]()
         robot = self.config.robots.get(name)
         told = {**(robot.options if robot else {}), **options}
+        form = str(told[FORMAT]) if FORMAT in told and path.is_file() else self._format_of(path)
         kind, payload = self._library.read_map(path, told, remarks.append)
         map_type = map_type_of(name, [kind], self.config, self.workshop)
         ledger = Ledger(map_type)
         ledger.observe(Observation(name, 0, 0, path.name, kind, payload, _NOBODY, _NOBODY))
         _require_content(path, map_type, ledger.own())
-        image = frame_of(payload) if isinstance(payload, GridMessage) else None
+        image = frame_of(payload)
         metadata = map_type.metadata(ledger.offered_layer())
         return ReadyMap(name, path, form, map_type, ledger, metadata, image, tuple(remarks))
 

@@ -12,10 +12,12 @@ from typing import Any, BinaryIO
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from mapgraft.contracts import Map, MapType, Observation, Transform
+from mapgraft.contracts import Finding, Map, MapType, Observation, Transform
 from mapgraft.errors import PluginError
 from mapgraft.events import Event, Snapshot
 from mapgraft.outputs.event_message import encode_event, encode_log
+from mapgraft.outputs.findings import TOPIC as FINDINGS_TOPIC
+from mapgraft.outputs.findings import finding_markers
 from mapgraft.outputs.links import MARKERS_TYPE, link_markers
 from mapgraft.outputs.messages import LOG_TYPE, MERGE_EVENT, MessageEncoder, check_stamp
 from mapgraft.outputs.names import ros_names
@@ -107,6 +109,13 @@ class McapLog:
             if name in self._T_world_map
         }
         self._say(LINKS, MARKERS_TYPE, LATCHED, stamp_ns, WORLD, link_markers(merges, ends))
+
+    def found(self, stamp_ns: int, robot: str, findings: Sequence[Finding]) -> None:
+        """What metrics found in a robot's map, as lines on ``/<robot>/findings``; takes away what was shown before."""
+        name = self._names[robot]
+        self._say(
+            f"/{name}/{FINDINGS_TOPIC}", MARKERS_TYPE, LATCHED, stamp_ns, f"{name}/map", finding_markers(findings)
+        )
 
     def scanned(self, observation: Observation) -> None:
         """What a planar scan hit, as points on ``/<robot>/scan`` in the robot's map frame."""

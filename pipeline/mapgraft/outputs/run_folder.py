@@ -14,6 +14,7 @@ from mapgraft.contracts import Observation
 from mapgraft.errors import OutputError
 from mapgraft.events import Event, Snapshot
 from mapgraft.outputs.files import Tally, Trajectories, connected, json_bytes, map_files, transforms_csv
+from mapgraft.outputs.findings import FINDINGS, LatestFindings
 from mapgraft.outputs.lock import RUN, lock, require_kind
 from mapgraft.outputs.mcap_log import McapLog
 from mapgraft.outputs.names import file_names
@@ -33,7 +34,7 @@ SUMMARY = RUN
 REPORT = "report.html"
 WRITING = "writing"  # the stage of a run that is spent here
 _BATCH = 512  # poses and events that wait to be written together
-_OURS = ("maps/", "trajectories/")  # where files of an earlier run are taken away when this one has none of that name
+_OURS = ("maps/", "trajectories/", FINDINGS)  # where files of an earlier run are taken away when this one has none of that name
 
 
 class RunFolder:
@@ -58,6 +59,7 @@ class RunFolder:
         self._queue: list[Pose | tuple[int, Event]] = []
         self._snapshots: dict[str, Snapshot] = {}
         self._standing, self._scene, self._tally = StandingMerges(), Scene(), Tally()
+        self._found = LatestFindings()
         self._names = file_names()
         self._traffic: dict[tuple[str, str], int] = {}
         self._lost: list[Mapping[str, str | int]] = []
@@ -226,6 +228,8 @@ class RunFolder:
             self._parquet.happened(event)
             self._tally.happened(event)
             changed |= self._standing.happened(event)
+            if self._found.happened(event):
+                self._mcap.found(event.stamp_ns, event.receiver, self._found.of_receiver(event.receiver))
         if changed:
             self._place(last[1].stamp_ns if len(last) == 2 else last[2], redraw=True)
 
@@ -253,6 +257,8 @@ class RunFolder:
         together = connected(self._scene.robots, merges)
         files = map_files(self._snapshots, together, self._names, self._unshown)
         files |= {"transforms.csv": transforms_csv(merges), "layout.json": layout}
+        if (found := self._found.csv()) is not None:
+            files[FINDINGS] = found
         for name, content in files.items():
             self._staging.write(name, content)
         robots = {robot: self._summary_of(robot) for robot in sorted(self._scene.robots)}

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-from mapgraft.contracts import Comparison, EmptyMapError, Measurement, Transform
+from mapgraft.contracts import Anew, Comparison, EmptyMapError, Measurement, Transform
 from mapgraft_grid.bayes import Meeting, meet
-from mapgraft_grid.evidence.anew import Anew
 from mapgraft_grid.overlap import pair_of
 from mapgraft_grid.prepared import canonical_m, prepare
 

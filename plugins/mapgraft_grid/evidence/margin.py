@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from mapgraft.contracts import Comparison, Measurement
-from mapgraft_grid.evidence.anew import Anew
+from mapgraft.contracts import Anew, Comparison, Measurement
 
 
 class Margin:

@@ -137,6 +137,8 @@ class NewsTracker:
         cells_in = (round(m / (ratio * self._lattice.resolution_m)) for m in (BLOCK_M, TOLERANCE_M))
         block, near = (max(least, count) for least, count in zip((LEAST_BLOCK, 1), cells_in, strict=True))
         x0, y0, x1, y1 = _box(donor, ratio, block * kernel.PATCH, near)
+        if not votes.any() and self._comparison.T_receiver_donor != self._T:
+            cells = cells[:0, :0]  # registered anew before anything was said: as if it were the first time
         if cells.size:
             x0, y0 = min(x0, corner[0]), min(y0, corner[1])
             x1, y1 = max(x1, corner[0] + cells.shape[1]), max(y1, corner[1] + cells.shape[0])

@@ -10,8 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
-from mapgraft.contracts import Comparison, ConfigError, Measurement
-from mapgraft_grid.evidence.anew import Anew
+from mapgraft.contracts import Anew, Comparison, ConfigError, Measurement
 from mapgraft_grid.evidence.features import features_of
 from mapgraft_grid.evidence.joint import standing_of
 

@@ -6,8 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Final, NamedTuple
 
-from mapgraft.contracts import Comparison, MapError, Measurement
-from mapgraft_grid.evidence.anew import Anew
+from mapgraft.contracts import Anew, Comparison, MapError, Measurement
 from mapgraft_grid.evidence.joint import TOLERANCE_M, Distances, Joint, joint_of
 from mapgraft_grid.grid_map import Classes
 from mapgraft_grid.kernels import standing

@@ -31,6 +31,7 @@ class Building:
 
     ``solid`` (m, 4) segments that always stand; ``glass`` (m, 4) panes; ``leaves`` doors, still in the drawn frame of
     ``bend``; ``loose`` things that people move; ``rooms`` the outlines of the spaces one can enter, with their roles.
+    ``walls`` are the outlines among ``solid`` that an architect draws.
     """
 
     seed: int
@@ -42,6 +43,7 @@ class Building:
     loose: tuple[Outline, ...]
     rooms: tuple[tuple[str, Outline], ...]
     bend: Bend
+    walls: tuple[Outline, ...] = ()
 
 
 def building(seed: int, kind: str | None = None) -> Building:
@@ -69,6 +71,7 @@ def building(seed: int, kind: str | None = None) -> Building:
         tuple(bent.outline(outline) for outline in loose),
         tuple((cell.role, bent.outline(_outline(cell))) for cell in cells if cell.role != "shaft"),
         bent,
+        tuple(bent.outline(outline) for outline in made.solid),
     )
 
 

@@ -93,7 +93,7 @@ def record(building: Building, seed: int, scans: int = 400) -> Drive:
     sensor = draw_sensor(random.sensor)
     sightings = tuple(_sightings(building, sensor, scans, random))
     poses = np.array([sighting.pose for sighting in sightings])
-    return Drive(sensor, sightings, poses, _believed(poses, _draw_error(random.poses), random.poses))
+    return Drive(sensor, sightings, poses, drifted(poses, random.poses))
 
 
 class Streams(NamedTuple):
@@ -114,7 +114,24 @@ def streams(building: Building, seed: int) -> Streams:
 def _sightings(building: Building, sensor: Sensor, scans: int, random: Streams) -> Iterator[Sighting]:
     """Scans along the way, each from where the robot moved or turned enough since the one before."""
     traits = building.traits
-    pace, people = _draw_pace(random.motion), People(traits.people, random.world)
+    people = People(traits.people, random.world)
+    for stop in stops(building, scans, random):
+        seen = np.vstack((stop.solid, people.legs(stop.pose)))
+        ranges_m = sense(sensor, stop.pose, seen, building.glass, traits.glass_reflects, random.sensor)
+        yield Sighting(stop.stamp_ns, stop.pose, ranges_m)
+
+
+class Stop(NamedTuple):
+    """Where a drive looks around: when, from where in truth, and what stands around (m, 4)."""
+
+    stamp_ns: int
+    pose: Pose
+    solid: Segments
+
+
+def stops(building: Building, scans: int, random: Streams) -> Iterator[Stop]:
+    """So many places along the way, each where the robot moved or turned enough since the one before."""
+    pace = _draw_pace(random.motion)
     stamp_s, last = 0.0, None
     for pose, solid in _way(building, random.motion, random.world):
         if last is not None:
@@ -123,15 +140,15 @@ def _sightings(building: Building, sensor: Sensor, scans: int, random: Streams) 
                 continue
             stamp_s += moved / pace.speed_m_s + turned / pace.turn_rad_s
         last = pose
-        seen = np.vstack((solid, people.legs(pose)))
-        yield Sighting(
-            START_NS + round(stamp_s * 1e9),
-            pose,
-            sense(sensor, pose, seen, building.glass, traits.glass_reflects, random.sensor),
-        )
+        yield Stop(START_NS + round(stamp_s * 1e9), pose, solid)
         scans -= 1
         if not scans:
             return
+
+
+def drifted(poses: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+    """Poses (n, 3) as SLAM would have them."""
+    return _believed(poses, _draw_error(rng), rng)
 
 
 def _way(

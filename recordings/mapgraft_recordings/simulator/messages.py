@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mapgraft.contracts import Transform
 from mapgraft_recordings.simulator.estimation import in_frame, inverse
 from mapgraft_recordings.simulator.simulation import START_NS, Pose, Reading, Robot
 
@@ -29,25 +30,25 @@ def ros_messages(robots: Sequence[Robot], readings: Iterable[Reading]) -> Iterat
     """
     by_name = {robot.name: robot for robot in robots}
     for robot in robots:
-        yield _static(robot)
+        yield static_message(robot.name, "laser", robot.lidar.mount.T_base_sensor)
     for reading in readings:
         if reading.ranges_m is None:
-            yield _tf(reading)
+            yield tf_message(reading)
             yield _odometry(reading)
         else:
             yield _scan(by_name[reading.robot], reading)
 
 
-def _static(robot: Robot) -> Message:
-    T_base_sensor = robot.lidar.mount.T_base_sensor
+def static_message(robot: str, sensor: str, T_base_sensor: Transform) -> Message:
+    """Where a sensor sits on the robot's body."""
     translation = {"x": T_base_sensor.x_m, "y": T_base_sensor.y_m, "z": T_base_sensor.z_m}
     rotation = dict(zip("xyzw", T_base_sensor.quaternion_xyzw(), strict=True))
-    frame, child = f"{robot.name}/base_link", f"{robot.name}/laser"
-    transform = _stamped(START_NS, frame, child, translation, rotation)
+    transform = _stamped(START_NS, f"{robot}/base_link", f"{robot}/{sensor}", translation, rotation)
     return Message("/tf_static", "tf2_msgs/msg/TFMessage", START_NS, {"transforms": [transform]})
 
 
-def _tf(reading: Reading) -> Message:
+def tf_message(reading: Reading) -> Message:
+    """Where a robot believes to be: map → odom → base_link."""
     odom_base = np.array(reading.T_odom_base)
     map_odom = in_frame(np.array(reading.T_map_base), inverse(odom_base)[None])[0]
     name, stamp = reading.robot, reading.stamp_ns
@@ -61,7 +62,7 @@ def _tf(reading: Reading) -> Message:
 def _odometry(reading: Reading) -> Message:
     position, orientation = _planar(reading.T_odom_base)
     fields = {
-        "header": _header(reading.stamp_ns, f"{reading.robot}/odom"),
+        "header": header(reading.stamp_ns, f"{reading.robot}/odom"),
         "child_frame_id": f"{reading.robot}/base_link",
         "pose": {"pose": {"position": position, "orientation": orientation}, "covariance": np.zeros(36)},
         "twist": {
@@ -78,7 +79,7 @@ def _odometry(reading: Reading) -> Message:
 def _scan(robot: Robot, reading: Reading) -> Message:
     lidar = robot.lidar
     fields = {
-        "header": _header(reading.stamp_ns, f"{robot.name}/laser"),
+        "header": header(reading.stamp_ns, f"{robot.name}/laser"),
         "angle_min": lidar.angle_min_rad,
         "angle_max": lidar.angle_min_rad + (lidar.beams - 1) * lidar.angle_increment_rad,
         "angle_increment": lidar.angle_increment_rad,
@@ -92,7 +93,8 @@ def _scan(robot: Robot, reading: Reading) -> Message:
     return Message(f"/{robot.name}/scan", "sensor_msgs/msg/LaserScan", reading.stamp_ns, fields)
 
 
-def _header(stamp_ns: int, frame_id: str) -> Mapping[str, object]:
+def header(stamp_ns: int, frame_id: str) -> Mapping[str, object]:
+    """A message's header."""
     return {"stamp": {"sec": stamp_ns // 10**9, "nanosec": stamp_ns % 10**9}, "frame_id": frame_id}
 
 
@@ -100,7 +102,7 @@ def _stamped(
     stamp_ns: int, frame: str, child: str, translation: Mapping[str, float], rotation: Mapping[str, float]
 ) -> Mapping[str, object]:
     return {
-        "header": _header(stamp_ns, frame),
+        "header": header(stamp_ns, frame),
         "child_frame_id": child,
         "transform": {"translation": translation, "rotation": rotation},
     }

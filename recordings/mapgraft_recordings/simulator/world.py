@@ -27,7 +27,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Self, TypeVar
+from typing import Annotated, Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,13 @@ Polygon = NDArray[np.float64]  # (k, 2) corners in metres, closed by the edge fr
 Plan = TypeVar("Plan", bound=Section)
 
 _TRIES = 100
+
+
+class Thing(NamedTuple):
+    """What stands on the floor up to ``top_m``."""
+
+    polygon: Polygon
+    top_m: float
 
 
 class Door(Section):
@@ -68,6 +75,7 @@ class Furniture(Section):
     polygon: Annotated[list[Point], Field(min_length=3)] | None = None
     box: tuple[float, float, Length, Length] | None = None
     yaw_deg: float = 0.0
+    height_m: Length = 0.9
 
     @model_validator(mode="after")
     def _one_shape(self) -> Self:
@@ -82,6 +90,7 @@ class Clutter(Section):
     name: str
     size: tuple[Length, Length]
     within: tuple[float, float, float, float]
+    height_m: Length = 0.9
     count: Annotated[int, Field(ge=1)] = 1
 
 
@@ -103,17 +112,33 @@ class FloorPlan(Section):
     """A whole floor plan file."""
 
     name: str
+    ceiling_m: Length = 2.8
     parts: dict[str, Part] = Field(default_factory=dict)
     floor: Part
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
-    """What lidars see: ``segments`` (m, 4) float64 metres, read-only, and the polygons they bound; world frame."""
+    """What lidars see: ``segments`` (m, 4) float64 metres, read-only, and the polygons they bound; world frame.
+
+    ``tops_m`` tells how high each polygon reaches from the floor, infinity being a wall's.
+    """
 
     name: str
     polygons: tuple[Polygon, ...]
     segments: Segments
+    tops_m: tuple[float, ...]
+    ceiling_m: float
+
+    @property
+    def walls(self) -> tuple[Polygon, ...]:
+        """Pieces of straight wall: boxes whose edges from the first corner to the second run along the wall."""
+        return tuple(p for p, top in zip(self.polygons, self.tops_m, strict=True) if math.isinf(top))
+
+    @property
+    def segment_tops_m(self) -> NDArray[np.float64]:
+        """How high each segment (m,) reaches, at most to the ceiling."""
+        return np.repeat(np.minimum(self.tops_m, self.ceiling_m), [len(polygon) for polygon in self.polygons])
 
 
 def load_plan(path: Path) -> FloorPlan:
@@ -144,14 +169,15 @@ def build_world(plan: FloorPlan, seed: int, keep_clear: NDArray[np.float64] | No
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0xC1077E]))
     clear = np.empty((0, 2)) if keep_clear is None else keep_clear
-    polygons: list[Polygon] = []
-    _flatten(plan, plan.floor, np.eye(3), (), rng, clear, polygons)
+    things: list[Thing] = []
+    _flatten(plan, plan.floor, np.eye(3), (), rng, clear, things)
+    polygons = tuple(thing.polygon for thing in things)
     if not polygons:
         raise ConfigError(f"the floor plan {plan.name!r} has neither walls nor furniture: a lidar would see nothing")
     edges = [np.hstack((polygon, np.roll(polygon, -1, axis=0))) for polygon in polygons]
     segments = np.ascontiguousarray(np.vstack(edges))
     segments.setflags(write=False)
-    return World(plan.name, tuple(polygons), segments)
+    return World(plan.name, polygons, segments, tuple(thing.top_m for thing in things), plan.ceiling_m)
 
 
 def _flatten(
@@ -161,13 +187,14 @@ def _flatten(
     inside: tuple[str, ...],
     rng: np.random.Generator,
     clear: NDArray[np.float64],
-    polygons: list[Polygon],
+    things: list[Thing],
 ) -> None:
-    here = [box for wall in part.walls for box in _wall_boxes(wall, plan.name)]
-    here += [_outline(thing) for thing in part.furniture]
-    polygons += [_moved(T_floor_part, polygon) for polygon in here]
+    here = [Thing(box, math.inf) for wall in part.walls for box in _wall_boxes(wall, plan.name)]
+    here += [Thing(_outline(piece), piece.height_m) for piece in part.furniture]
+    things += [Thing(_moved(T_floor_part, thing.polygon), thing.top_m) for thing in here]
     for clutter in part.clutter:
-        polygons += [_strewn(clutter, T_floor_part, rng, clear) for _ in range(clutter.count)]
+        strewn = [_strewn(clutter, T_floor_part, rng, clear) for _ in range(clutter.count)]
+        things += [Thing(polygon, clutter.height_m) for polygon in strewn]
     for placed in part.parts:
         if placed.part not in plan.parts:
             known = ", ".join(sorted(plan.parts)) or "none"
@@ -177,7 +204,7 @@ def _flatten(
         if placed.part in inside:
             raise ConfigError(f"the part {placed.part!r} of {plan.name!r} holds itself: take it out of its own parts")
         T_floor_placed = T_floor_part @ _planar(*placed.at)
-        _flatten(plan, plan.parts[placed.part], T_floor_placed, (*inside, placed.part), rng, clear, polygons)
+        _flatten(plan, plan.parts[placed.part], T_floor_placed, (*inside, placed.part), rng, clear, things)
 
 
 def _wall_boxes(wall: Wall, plan: str) -> list[Polygon]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -17,6 +17,9 @@ FREE_TO, OCCUPIED_FROM = 35, 65  # percent: what lies between says nothing
 _POINTS_ACROSS: Final = 400  # cells along the longer side of what has no cells of its own
 _DATATYPES: Final = {7: "f4", 8: "f8"}  # of sensor_msgs/PointField
 _ADD, _DELETE, _DELETE_ALL = 0, 2, 3  # actions of visualization_msgs/Marker
+_LINE_STRIP, _LINE_LIST, _CUBE_LIST = 4, 5, 6  # types of visualization_msgs/Marker
+_FREE_SPACE: Final = "free"  # the namespace of markers that show what is free, as the contract has it
+_MOST_POINTS: Final = 4_000_000  # of one list of cubes
 _LARGEST: Final = 6000  # cells along a side that are looked at one by one
 
 
@@ -101,8 +104,11 @@ def raster_of(message_type: str, message: Any) -> Raster | None:
     return make(message) if make else None
 
 
-def is_drawable(message_type: str) -> bool:
-    return message_type in _MAKERS
+def drawable_of(message_types: Iterable[str]) -> str | None:
+    """Of the types of the messages that show one map, that which says most of how it looks from above; None where
+    there is a picture of none."""
+    given = set(message_types)
+    return next((message_type for message_type in _MAKERS if message_type in given), None)
 
 
 def _looked_up(
@@ -167,38 +173,90 @@ def _cloud(message: Any) -> Raster | None:
             return None
         raw = np.ascontiguousarray(points[:, offset : offset + kind.itemsize])
         axes.append(raw.view(kind).ravel().astype(np.float64))
-    return _points(np.stack(axes, axis=1))
+    where = np.stack(axes, axis=1)
+    where = where[np.isfinite(where).all(axis=1)]
+    return _painted([(where, OCCUPIED)])
 
 
 def _markers(message: Any) -> Raster | None:
-    shown: dict[tuple[str, int], list[tuple[float, float]]] = {}
+    """Lines as they run, cubes as large as they are: walls, except in the namespace of free space."""
+    shown: dict[tuple[str, int], Any] = {}
     for marker in message.markers:
         if marker.action == _DELETE_ALL:
             shown.clear()
         elif marker.action == _DELETE:
             shown.pop((marker.ns, marker.id), None)
         elif marker.action == _ADD:
-            at = marker.pose.position
-            own = [(at.x + point.x, at.y + point.y) for point in marker.points]
-            shown[marker.ns, marker.id] = own or [(at.x, at.y)]
-    return _points(np.array([point for points in shown.values() for point in points], np.float64).reshape(-1, 2))
+            shown[marker.ns, marker.id] = marker
+    coarse = _painted([(_placed(marker, _own(marker)), OCCUPIED) for marker in shown.values()])
+    return None if coarse is None else _painted([_drawn(marker, coarse.cell_m) for marker in shown.values()])
 
 
-def _points(points_m: NDArray[np.float64]) -> Raster | None:
-    """Points as occupied cells; there is no free space."""
-    points_m = points_m[np.isfinite(points_m).all(axis=1)]
+def _drawn(marker: Any, cell_m: float) -> tuple[NDArray[np.float64], int]:
+    """Points (n, 2) of one marker in the map's frame, so close that no cell is missed, and what they are."""
+    own, kind = _own(marker), FREE if marker.ns == _FREE_SPACE else OCCUPIED
+    if marker.type == _LINE_STRIP:
+        own = np.stack((own[:-1], own[1:]), axis=1).reshape(-1, 2)
+    if marker.type in (_LINE_STRIP, _LINE_LIST):
+        return _placed(marker, _along(own, cell_m)), kind
+    if marker.type != _CUBE_LIST:
+        return _placed(marker, own), kind
+    return _placed(marker, _filled(own, (marker.scale.x, marker.scale.y), cell_m)), kind
+
+
+def _own(marker: Any) -> NDArray[np.float64]:
+    """The points (n, 2) of a marker in its own frame; a marker without points is one."""
+    return np.array([(point.x, point.y) for point in marker.points] or [(0.0, 0.0)], np.float64)
+
+
+def _placed(marker: Any, own_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    at, q = marker.pose.position, marker.pose.orientation
+    yaw_rad = math.atan2(2.0 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    placed: NDArray[np.float64] = own_m @ np.array([[c, s], [-s, c]]) + (at.x, at.y)
+    return placed
+
+
+def _along(ends_m: NDArray[np.float64], cell_m: float) -> NDArray[np.float64]:
+    """Points (n, 2) along lines, given by their ends two by two, so close that no cell is missed."""
+    lines = ends_m[: len(ends_m) // 2 * 2].reshape(-1, 2, 2)
+    lines = lines[np.isfinite(lines).all(axis=(1, 2))]
+    way = lines[:, 1] - lines[:, 0]
+    counts = np.ceil(np.abs(way).max(axis=1, initial=0.0) / cell_m * 2.0).astype(np.intp) + 1
+    which = np.repeat(np.arange(len(lines)), counts)
+    step = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
+    share = step / np.maximum(counts - 1, 1)[which]
+    out: NDArray[np.float64] = lines[which, 0] + way[which] * share[:, None]
+    return out
+
+
+def _filled(middles_m: NDArray[np.float64], size_m: tuple[float, float], cell_m: float) -> NDArray[np.float64]:
+    """Points (n, 2) all over boxes of one size, so close that no cell is missed, unless there were millions."""
+    most = math.isqrt(_MOST_POINTS // max(1, len(middles_m)))
+    counts = [max(1, min(most, math.ceil(side / cell_m * 2.0))) for side in size_m]
+    x, y = ((np.arange(n) + 0.5) / n * side - side / 2 for n, side in zip(counts, size_m, strict=True))
+    inside = np.stack(np.meshgrid(x, y), axis=-1).reshape(1, -1, 2)
+    return (middles_m[:, None] + inside).reshape(-1, 2)
+
+
+def _painted(parts: Sequence[tuple[NDArray[np.float64], int]]) -> Raster | None:
+    """Points (n, 2) as cells of what they are; where several fall into one cell, a wall shows."""
+    points_m = np.concatenate([points for points, _ in parts]) if parts else np.empty((0, 2))
+    kinds = np.repeat(np.array([kind for _, kind in parts], np.uint8), [len(points) for points, _ in parts])
+    finite = np.isfinite(points_m).all(axis=1)
+    points_m, kinds = points_m[finite], kinds[finite]
     if not len(points_m):
         return None
     low, high = points_m.min(axis=0), points_m.max(axis=0)
     cell_m = max(float((high - low).max()), 1.0) / _POINTS_ACROSS
     at = np.floor((points_m - low) / cell_m).astype(np.intp)
     cells = np.zeros((int(at[:, 1].max()) + 1, int(at[:, 0].max()) + 1), np.uint8)
-    cells[at[:, 1], at[:, 0]] = OCCUPIED
+    np.maximum.at(cells, (at[:, 1], at[:, 0]), kinds)
     return Raster(cells, float(low[0]), float(low[1]), cell_m)
 
 
-_MAKERS: Final[Mapping[str, Callable[[Any], Raster | None]]] = {
+_MAKERS: Final[Mapping[str, Callable[[Any], Raster | None]]] = {  # that which says most first
     "nav_msgs/msg/OccupancyGrid": _grid,
-    "sensor_msgs/msg/PointCloud2": _cloud,
     "visualization_msgs/msg/MarkerArray": _markers,
+    "sensor_msgs/msg/PointCloud2": _cloud,
 }

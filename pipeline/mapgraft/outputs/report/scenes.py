@@ -12,10 +12,11 @@ from typing import Any
 from mapgraft.errors import UsageError
 from mapgraft.events import Event
 from mapgraft.outputs.event_message import event_of
+from mapgraft.outputs.findings import TOPIC as FINDINGS
 from mapgraft.outputs.mcap_log import EVENTS
 from mapgraft.outputs.messages import MERGE_EVENT, MessageEncoder
 from mapgraft.outputs.qos import LATCHED
-from mapgraft.outputs.report.rasters import Raster, is_drawable, raster_of
+from mapgraft.outputs.report.rasters import Raster, drawable_of, raster_of
 
 Said = Mapping[str, tuple[str, bytes]]  # topic below the robot's or donor's own → message type, last message
 
@@ -41,11 +42,12 @@ class Look:
     def undrawn(self) -> list[str]:
         """Message types of the robot's own map, if there is no picture of any of them."""
         types = sorted({message_type for message_type, _ in self.own.values()})
-        return [] if any(map(is_drawable, types)) else types
+        return types if drawable_of(types) is None else []
 
     def _raster(self, said: Said) -> Raster | None:
+        drawn = drawable_of(message_type for message_type, _ in said.values())
         for _, (message_type, data) in sorted(said.items()):
-            if is_drawable(message_type):
+            if message_type == drawn:
                 return raster_of(message_type, self.decoder.decode(message_type, data))
         return None
 
@@ -143,7 +145,7 @@ class Scenes:
         """Robot, which of its maps, donor, and the rest of the topic; None for what is no map."""
         parts = channel.topic.strip("/").split("/")
         robot = self._names.get(parts[0])
-        if robot is None or channel.metadata.get("offered_qos_profiles") != LATCHED:
+        if robot is None or channel.metadata.get("offered_qos_profiles") != LATCHED or parts[1:] == [FINDINGS]:
             return None
         if parts[1] == "donors" and len(parts) > 3 and parts[2] in self._names:
             return robot, "donor", self._names[parts[2]], "/".join(parts[3:])

@@ -57,7 +57,7 @@ def foxglove_scan(message: Any) -> ScanMessage:
         0.0,
         math.inf,
         ranges,
-        _sensor_pose(getattr(message, "pose", None)),
+        sensor_pose(getattr(message, "pose", None)),
     )
 
 
@@ -77,7 +77,8 @@ def _ranges(values: Any) -> NDArray[np.float32]:
     return ranges
 
 
-def _sensor_pose(pose: Any) -> Transform | None:
+def sensor_pose(pose: Any) -> Transform | None:
+    """Where a sensor sits in its frame as Foxglove's messages tell it; None in the frame's origin."""
     if pose is None:
         return None
     p, q = pose.position, pose.orientation

@@ -119,7 +119,10 @@ def _chosen(sensors: Sequence[SeenPayload]) -> tuple[tuple[SeenPayload, ...], tu
     unused = []
     for seen in sorted(sensors, key=lambda seen: (len(seen.topic), seen.topic)):
         if seen.kind != kinds[0]:
-            unused.append(f"{seen.topic} holds a {seen.kind}: the robot is mapped from its {kinds[0]}s")
+            unused.append(
+                f"{seen.topic} holds a {seen.kind}: the robot is mapped from its {kinds[0]}s "
+                f"(for the other way name it in robots.NAME.scans)"
+            )
         elif seen.frame in used:
             unused.append(f"{seen.topic} is of the same sensor {seen.frame!r} as {used[seen.frame].topic}")
         else:

@@ -59,22 +59,27 @@ class Library:
         return self._glimpses[key]
 
     def format_of(self, path: Path) -> str | None:
-        """The name of the installed format that reads this kind of map file, None when the file is no map."""
+        """The name of the installed format that reads this kind of map file, None when the file is no map.
+
+        Where several do it is the one that asks for the longest end of the name (``.plan.png`` before ``.png``).
+        """
+        if not path.is_file() or path.name == "metadata.yaml":
+            return None
+        best, name = 0, None
         for offered in self._plugins.of_kind("format"):
-            if (
-                path.is_file()
-                and path.name != "metadata.yaml"
-                and path.name.lower().endswith(offered.descriptor.accepts)
-            ):
-                return offered.descriptor.name
-        return None
+            fitting = [len(end) for end in offered.descriptor.accepts if path.name.lower().endswith(end)]
+            if fitting and max(fitting) > best:
+                best, name = max(fitting), offered.descriptor.name
+        return name
 
     def read_map(self, path: Path, options: Mapping[str, object], warn: Callable[[str], None]) -> tuple[str, object]:
         """A ready-made map file as (kind of payload, payload); raises MapgraftError when it cannot be read.
 
-        ``warn`` is handed to formats that take it, for what is probably not meant.
+        ``warn`` is handed to formats that take it, for what is probably not meant. The option ``format`` names a format
+        instead of the one that the file's name tells.
         """
-        name = self.format_of(path)
+        options = dict(options)
+        name = str(options.pop("format", None) or self.format_of(path) or "") or None
         if name is None:
             raise RecordingError(f"no installed format reads {path}: see 'mapgraft plugins list'")
         read = self._plugins.function("format", name)

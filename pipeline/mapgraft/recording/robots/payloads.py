@@ -7,13 +7,21 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from mapgraft.config import LimitsConfig
-from mapgraft.contracts import GRID_MESSAGE, SCAN, GridMessage, MapgraftError, RecordingError, Transform
+from mapgraft.contracts import (
+    GRID_MESSAGE,
+    SCAN,
+    GridMessage,
+    MapgraftError,
+    RecordingError,
+    Transform,
+    TransformError,
+)
 from mapgraft.contracts.sources import CARMEN_LASER_SCAN, SCAN_TYPES, RawMessage, RecordedScan, ScanMessage, Source
 from mapgraft.recording.decoding.grids import grid_payload
 from mapgraft.recording.decoding.names import bare_frame
 from mapgraft.recording.decoding.poses import POSE_READERS, poses_of
 from mapgraft.recording.decoding.records import PoseRecord
-from mapgraft.recording.decoding.scan_fields import stamp_ns
+from mapgraft.recording.decoding.scan_fields import sensor_pose, stamp_ns
 from mapgraft.recording.decoding.scans import scan_payload
 from mapgraft.recording.poses.lookup import Placed
 from mapgraft.recording.poses.quick_tf import QUICK_TYPES, transforms
@@ -90,12 +98,9 @@ class Payloads:
             placed = _own_place(source, read) if message_type == CARMEN_LASER_SCAN else None
             return self._opened_scan(source.decode_scan(read), placed)
         message: Any = source.decode(read)
-        try:
-            stamp, frame = stamp_ns(message.header.stamp), bare_frame(message.header.frame_id)
-        except (AttributeError, TypeError, ValueError) as error:
-            raise RecordingError(f"a message of type {message_type} has no header ({error})") from error
+        stamp, frame, T_frame_sensor = _head(message, message_type)
         decode = self._grid if message_type in GRID_TYPES else self._decoder(message_type)
-        return Opened(stamp, frame, 0, 0, None, None, partial(_decoded, decode, message, message_type))
+        return Opened(stamp, frame, 0, 0, T_frame_sensor, None, partial(_decoded, decode, message, message_type))
 
     def _opened_scan(self, scan: ScanMessage, placed: Placed | None) -> Opened:
         if len(scan.ranges_m) > self._limits.beams:
@@ -132,6 +137,17 @@ def poses_in(source: Source, read: Read) -> Sequence[PoseRecord]:
         if quick is not None:
             return quick
     return poses_of(read.channel.message_type, source.decode(read))
+
+
+def _head(message: Any, message_type: str) -> tuple[int, str, Transform | None]:
+    """When and in which frame a message was made, from its header, or as Foxglove's messages have it: with a pose."""
+    try:
+        if hasattr(message, "header"):
+            return stamp_ns(message.header.stamp), bare_frame(message.header.frame_id), None
+        place = sensor_pose(getattr(message, "pose", None))
+        return stamp_ns(message.timestamp), bare_frame(message.frame_id), place
+    except (AttributeError, TypeError, ValueError, TransformError) as error:
+        raise RecordingError(f"a message of type {message_type} has no header ({error})") from error
 
 
 def _opened_scan(scan: ScanMessage, placed: Placed | None) -> Opened:

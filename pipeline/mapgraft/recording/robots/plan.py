@@ -167,6 +167,10 @@ def _chosen(
                 there = ", ".join(sorted({p.topic for p in seen})) or "none"
                 raise ConfigError(f"robots.{name}.{what}: there is no topic {topic!r}: the recording has {there}")
         chosen = [p for p in seen if p.topic in wanted]
+        if len(kinds := sorted({p.kind for p in chosen})) > 1:
+            raise ConfigError(
+                f"robots.{name}.{what}: {', '.join(wanted)} hold a {' and a '.join(kinds)}: name one kind"
+            )
     merged: dict[str, SeenPayload] = {}
     for p in sorted(chosen, key=lambda p: (p.topic, p.first[0].log_ns)):
         merged[p.topic] = replace(merged[p.topic], last=p.last) if p.topic in merged else p

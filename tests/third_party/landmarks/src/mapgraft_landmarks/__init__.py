@@ -6,6 +6,7 @@ from importlib import resources
 
 from mapgraft.contracts import SCAN, Descriptor, Register, RegisterRules, hookimpl
 
+MAPGRAFT_CONTRACT = (1, 0)
 LANDMARKS, GRID = "point_landmarks", "occupancy_grid"
 
 

@@ -2,77 +2,30 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
-from numpy.typing import NDArray
 
-from mapgraft.contracts import Layer, MapError, MapType, Region
-from mapgraft_grid.kernels.tile_keys import TILE, tile_key
-from mapgraft_grid.layer import FROM_SCANS, GridLayer
-from mapgraft_grid.parameters import Lattice
-from mapgraft_grid.region import GridRegion
-from mapgraft_landmarks.cells import LOOKS, POSITION_STEP_M, SIGHTINGS, SUM_X, SUM_Y, Keys, as_region, unpack
+from mapgraft.contracts import Layer, MapType
+from mapgraft_grid.cells import HITS, MISSES, GridLayer, added, cells_at, cells_inside, lattice_of, layer_of_cells
+from mapgraft_landmarks.cells import LOOKS, unpack
+from mapgraft_landmarks.landmarks import as_map
 from mapgraft_landmarks.layer import as_layer
-
-Index = NDArray[np.int64]  # (n, 2) ix, iy of grid cells
 
 
 class GridConversion:
-    """Turns sightings into hits and looks into misses.
+    """Turns landmarks into hits and looks into misses.
 
-    A grid cell has as many misses as there were looks at the landmark cell that holds its centre. The sightings of a
-    landmark cell are hits of the one grid cell in which their mean lies, and as many misses less: of the scans that
-    looked there, these saw the landmark.
+    A landmark that stands in the map of the robot that made it is one grid cell with as many hits as it was sighted and
+    no misses. Any other grid cell has as many misses as there were looks at the landmark cell that holds its centre.
     """
 
-    def convert(self, layer: Layer, target: MapType) -> GridLayer:
-        """A grid layer with the target's parameters; raises MapError when the target is no occupancy grid."""
-        own, grid = as_layer(layer), _new_grid(target)
-        index, row = _cells_inside(own.cells.keys, own.cell_m, grid.lattice)
-        sighted = own.cells.counts[own.cells.counts[:, SIGHTINGS] > 0]
-        means = sighted[:, [SUM_X, SUM_Y]] * POSITION_STEP_M / sighted[:, SIGHTINGS, None]
-        found = np.floor((means - grid.lattice.anchor_m) / grid.lattice.resolution_m).astype(np.int64)
-        tiles, slots = np.unique(np.concatenate((index, found)) // TILE, axis=0, return_inverse=True)
-        misses, hits = np.zeros((2, len(tiles), TILE, TILE), np.int64)
-        np.add.at(misses, _places(slots[: len(index)], index), own.cells.counts[row, LOOKS])
-        np.add.at(hits, _places(slots[len(index) :], found), sighted[:, SIGHTINGS])
-        misses = np.maximum(misses - hits, 0)
-        keys = np.array([tile_key(int(x), int(y)) for x, y in tiles], np.int64)
-        grid.pool.set_counts(keys, hits.astype(np.uint32), misses.astype(np.uint32))
-        grid.observations, grid.sensors, grid.mapper = own.observations, own.sensors, FROM_SCANS
-        return grid
-
-    def region(self, region: Region, target: MapType) -> GridRegion:
-        """The grid cells that ``convert`` can give counts for evidence in these cells."""
-        cells, lattice = as_region(region), _new_grid(target).lattice
-        index, _ = _cells_inside(cells.keys, cells.cell_m, lattice, reach=0.5)
-        if not len(index):
-            return GridRegion.empty(lattice)
-        low = index.min(axis=0)
-        mask = np.zeros((index.max(axis=0) - low + 1)[::-1], np.bool_)
-        mask[index[:, 1] - low[1], index[:, 0] - low[0]] = True
-        return GridRegion.from_mask(lattice, (int(low[0]), int(low[1])), mask)
-
-
-def _new_grid(target: MapType) -> GridLayer:
-    layer = target.new_layer()
-    if not isinstance(layer, GridLayer):
-        raise MapError(f"point landmarks convert to occupancy_grid, found {target.name}: name another `via`")
-    return layer
-
-
-def _cells_inside(keys: Keys, cell_m: float, lattice: Lattice, reach: float = 0.0) -> tuple[Index, NDArray[np.intp]]:
-    """Grid cells whose centres lie in the landmark cells, or up to ``reach`` grid cells beside, and in which (row)."""
-    corner = (np.stack(unpack(keys), axis=1) * cell_m - lattice.anchor_m) / lattice.resolution_m  # in grid cells
-    across = cell_m / lattice.resolution_m
-    steps = np.arange(math.ceil(across + 2 * reach) + 1)
-    first = np.ceil(corner - 0.5 - reach).astype(np.int64)  # centres lie at whole numbers and a half
-    spread = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
-    index = first[:, None] + spread
-    inside = (index + 0.5 < corner[:, None] + across + reach).all(axis=2)
-    return index[inside], np.nonzero(inside)[0]
-
-
-def _places(slots: NDArray[np.intp], index: Index) -> tuple[NDArray[np.intp], Index, Index]:
-    return slots, index[:, 1] % TILE, index[:, 0] % TILE
+    def convert(self, layer: Layer, source: MapType, target: MapType) -> GridLayer:
+        """A grid layer with the target's parameters; raises MapError when one of the three is of another type."""
+        own, lattice = as_layer(layer), lattice_of(target)
+        landmarks = as_map(source.view(own)).landmarks
+        looked, row = cells_inside(np.stack(unpack(own.cells.keys), axis=1) * own.cell_m, own.cell_m, lattice)
+        found = cells_at(landmarks.positions_m, lattice)
+        told = np.zeros((len(looked) + len(found), 2), np.int64)
+        told[: len(looked), MISSES], told[len(looked) :, HITS] = own.cells.counts[row, LOOKS], landmarks.sightings
+        cells, counts = added(np.concatenate((looked, found)), told)
+        counts[counts[:, HITS] > 0, MISSES] = 0
+        return layer_of_cells(target, cells, counts, observations=own.observations, sensors=own.sensors)

@@ -1,0 +1,13 @@
+"""All laws of map types."""
+
+from __future__ import annotations
+
+from mapgraft.testing.layers import LayerLaws
+from mapgraft.testing.merging import MergingLaws
+from mapgraft.testing.placing import PlacingLaws
+from mapgraft.testing.regions import RegionLaws
+from mapgraft.testing.views import ViewLaws
+
+
+class MapTypeLaws(LayerLaws, ViewLaws, PlacingLaws, RegionLaws, MergingLaws):
+    """Whatever a map type promises: layers, views, placing, regions, and what the reversals make of it."""

@@ -1,0 +1,1 @@
+"""What two maps of line segments say of a placement: one metric per module."""
