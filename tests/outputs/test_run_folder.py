@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -14,7 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 from plots import ALPHA, AT, START_NS, UNDERSCORE, S, provenance, tell, told
 
-from mapgraft.contracts import Observation, Transform
+from mapgraft.contracts import Finding, Measurement, Observation, Transform
 from mapgraft.errors import OutputError
 from mapgraft.events import Event
 from mapgraft.outputs.lock import EXPERIMENT, LOCK, require_kind
@@ -80,6 +81,19 @@ def test_other_runs_and_labels_stay_and_yesterdays_maps_go(tmp_path: Path) -> No
     assert {name: after[name] for name in kept} == {name: before[name] for name in kept}
     assert not {f"maps/{ALPHA}.json", f"maps/{ALPHA}.merged.json", f"trajectories/{ALPHA}.tum"} & after.keys()
     assert f"trajectories/{AT}.tum" in after
+
+
+def test_what_metrics_found_yesterday_goes(tmp_path: Path) -> None:
+    hole = Finding("wall missing", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0, "m")
+    measured = Measurement("deviations", 0.1, "", 9, "lower", findings=(hole,))
+    story = [
+        replace(item, measurements=(measured,)) if isinstance(item, Event) and item.state == "confirmed" else item
+        for item in told()
+    ]
+    for found in (story, told()):
+        with RunFolder(tmp_path, "demo", "r1", provenance()) as sink:
+            tell(sink, found)
+        assert ("findings.csv" in names(tmp_path)) is (found is story)
 
 
 def test_a_second_writing_of_a_run_leaves_one_part_and_keeps_its_labels(tmp_path: Path) -> None:

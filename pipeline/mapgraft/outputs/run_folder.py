@@ -34,7 +34,7 @@ SUMMARY = RUN
 REPORT = "report.html"
 WRITING = "writing"  # the stage of a run that is spent here
 _BATCH = 512  # poses and events that wait to be written together
-_OURS = ("maps/", "trajectories/", FINDINGS)  # where files of an earlier run are taken away when this one has none of that name
+_OURS = ("maps/", "trajectories/", FINDINGS)  # files of an earlier run that are taken away when this one has none
 
 
 class RunFolder:
