@@ -31,6 +31,7 @@ FACTORS.setflags(write=False)
 # stand and fall together, when a plan shows a part of a building, so that single ones weigh little. On 72 simulated
 # buildings (tests/bench/fit_floorplan.py) whole plans are placed equally well with 0.1 to 0.25.
 OUTSIDE: Final = 0.25
+LEAST_NATS: Final = 20.0  # of a score that a lead is a share of
 
 
 class Agreement(NamedTuple):
@@ -44,6 +45,11 @@ class Agreement(NamedTuple):
     outside: int  # free cells and walls of the robot beyond everything that is drawn
     known: int  # all free cells and walls of the robot
     table: NDArray[np.int64]  # (5, 5) of all the robot's marked cells, by its mark and the plan's
+
+
+def share_of(ahead: float, score: float) -> float:
+    """How far a score lies ahead of another, as a share of it, in [-1, 1]."""
+    return max(-1.0, min(1.0, ahead / max(abs(score), LEAST_NATS)))
 
 
 def agreement(robot: Prepared, plan: Prepared, T: Transform, *, any_scale: bool = False) -> Agreement:
