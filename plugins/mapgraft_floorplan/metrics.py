@@ -11,8 +11,9 @@ from mapgraft_floorplan.evidence_table import Agreement, share_of
 from mapgraft_floorplan.findings import findings_of
 from mapgraft_floorplan.standing import agreement_of, differences_of
 
-# Fitted to the best two hypotheses in simulated buildings, with plans of known and of unknown scale, whole and in part;
-# the buildings by which it is judged are others (tests/bench/fit_floorplan.py, docs/floorplans.md).
+# Fitted to the best two hypotheses in simulated buildings, with plans of known and of unknown scale, whole and in part,
+# with an earlier state of the code; the buildings by which it is judged are others, as it is now
+# (tests/bench/fit_floorplan.py, docs/floorplans.md).
 COEFFICIENTS: Final = {"drawn": 14.76, "explained": 10.75}
 INTERCEPT: Final = -16.14
 LEAD: Final = 13.8
