@@ -21,8 +21,8 @@ _ROUNDS: Final = 30
 _NEIGHBOURS: Final = 15  # of which small_gicp makes a covariance
 _STEPS: Final = {_WIDE_M: 1e-3, _NARROW_M: 1e-5}  # m and rad: smaller ones end a run
 _MOST_TILT_RAD: Final = math.radians(6.0)  # of a hypothesis for maps whose z axes are said to point up
-# points err together and maps bend: so much larger are squared errors of simulated drives, see ``squares`` in
-# tests/bench/choose_cloud_limits.py
+# points err together and maps bend; even so the squared errors of simulated drives are larger than they should be, see
+# ``squares`` in tests/bench/choose_cloud_limits.py and docs/clouds.md
 _TOGETHER: Final = 400.0
 _LARGEST_SIGMA: Final = 10.0  # m or rad: what the clouds do not determine at all
 _UPRIGHT_AXES: Final = [0, 1, 2, 5]  # x, y, z, yaw

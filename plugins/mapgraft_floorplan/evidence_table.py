@@ -13,7 +13,8 @@ from mapgraft_grid.bayes import meeting_table
 from mapgraft_grid.prepared import Prepared
 
 # How much more often a pair of marks meets at the right place than at wrong ones (natural log), on cells of 0.1 m: 30
-# simulated buildings and plans of them with wrong walls (recordings, buildings/plans.py; tests/bench/fit_floorplan.py).
+# simulated buildings and plans of them with wrong walls (recordings, buildings/plans.py). What the command
+# tests/bench/fit_floorplan.py --table 100 30 counts, rounded, the greatest costs a little less: within 0.2 of it.
 # Rows: what the robot knows (unknown, free, wall, free beside a wall, unknown beside a wall); columns the same of the
 # plan, where a room is free. What the plan leaves open tells nothing. Furniture and door leaves are among what was
 # counted: a wall where the plan has a room costs 1.1, a plan's wall in free space 2.7.
@@ -29,8 +30,9 @@ FACTORS: Final = np.array(
 FACTORS.setflags(write=False)
 # What a robot has mapped beyond everything that is drawn costs what the same free space in a room tells: cells outside
 # stand and fall together, when a plan shows a part of a building, so that single ones weigh little. On 72 simulated
-# buildings (tests/bench/fit_floorplan.py) whole plans are placed equally well with 0.1 to 0.25.
+# buildings (tests/bench/fit_floorplan.py) whole plans are placed equally well with 0 to 0.25.
 OUTSIDE: Final = 0.25
+LEAST_NATS: Final = 20.0  # of a score that a lead is a share of
 
 
 class Agreement(NamedTuple):
@@ -44,6 +46,11 @@ class Agreement(NamedTuple):
     outside: int  # free cells and walls of the robot beyond everything that is drawn
     known: int  # all free cells and walls of the robot
     table: NDArray[np.int64]  # (5, 5) of all the robot's marked cells, by its mark and the plan's
+
+
+def share_of(ahead: float, score: float) -> float:
+    """How far a score lies ahead of another, as a share of it, in [-1, 1]."""
+    return max(-1.0, min(1.0, ahead / max(abs(score), LEAST_NATS)))
 
 
 def agreement(robot: Prepared, plan: Prepared, T: Transform, *, any_scale: bool = False) -> Agreement:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.contracts import ConfigError, Covariance, Map, MapError, Match, Points, Prior, Transform
-from mapgraft_floorplan.evidence_table import Agreement, agreement
+from mapgraft_floorplan.evidence_table import Agreement, agreement, share_of
 from mapgraft_floorplan.kernels.fitting import information
 from mapgraft_floorplan.scaled import PlanGrid
 from mapgraft_floorplan.search import THOROUGH, Poses, Range, search
@@ -58,8 +58,9 @@ class PlanCorrelation:
     Evidence: ``agreement``, ``missing`` (walls of the plan in free space), ``added`` (walls of the robot in rooms) in
     cells of ``resolution_m``; ``common_m``, the length of the plan's walls that the robot has, too; ``scale`` and,
     where it was searched, ``sigma_scale``, its standard deviation relative to it; ``scales_searched``; ``lead``, the
-    margin over all others that were found, whichever of them somebody refuses later; ``prior_score`` with a prior, if
-    the scale is known. The covariance is of the walls' fit.
+    margin over all others that were found, as a share of the score, whichever of them somebody refuses later and
+    however the match is refined; with a prior instead ``lead_here``, the same over the others around it, and
+    ``prior_score``, if the scale is known. The covariance is of the walls' fit.
     """
 
     def __init__(self, *, scale: str | Sequence[float] = "known", returned: int = 4) -> None:
@@ -152,8 +153,8 @@ def _told(
     }
     free = scales.most > scales.least
     margin = score - max(others) if others else math.inf
-    if others and everywhere:
-        evidence["lead"] = margin
+    if others or not everywhere:
+        evidence["lead" if everywhere else "lead_here"] = share_of(margin, score)
     bare = Match(one.T, score, margin, scale=scale if free else 1.0, evidence=evidence)
     covariance, sigma_scale = _covariance(plan, field, one, free)
     if covariance is None:

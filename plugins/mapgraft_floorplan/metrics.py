@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from typing import Final
 
 from mapgraft.contracts import Anew, Comparison, Match, Measurement
-from mapgraft_floorplan.evidence_table import Agreement
+from mapgraft_floorplan.evidence_table import Agreement, share_of
 from mapgraft_floorplan.findings import findings_of
 from mapgraft_floorplan.standing import agreement_of, differences_of
 
-_LEAST_NATS: Final = 20.0
-# Fitted to the best two hypotheses in simulated buildings, with plans of known and of unknown scale, whole and in part;
-# the buildings by which it is judged are others (tests/bench/fit_floorplan.py, docs/floorplans.md).
+# Fitted to the best two hypotheses in simulated buildings, with plans of known and of unknown scale, whole and in part,
+# with an earlier state of the code; the buildings by which it is judged are others, as it is now
+# (tests/bench/fit_floorplan.py, docs/floorplans.md).
 COEFFICIENTS: Final = {"drawn": 14.76, "explained": 10.75}
 INTERCEPT: Final = -16.14
 LEAD: Final = 13.8
@@ -67,14 +67,15 @@ class PlanDeviations:
 def features(met: Agreement, match: Match) -> Mapping[str, float]:
     """What is known of a placement, by name; all grow with what speaks for it.
 
-    ``lead``: how far the match's score lies above that of the best other place, as a share of it, in [-1, 1].
+    ``lead``: how far the match's score lay above that of the best other place when both were found, as a share of it,
+    in [-1, 1], and stays so when the merge is registered anew. Of a search around a prior it is over what lies there.
     ``drawn``: the share of the plan's walls that the robot has among those it looked at. ``explained``: the share of
     the robot's walls that the plan has.
     """
-    lead = match.evidence.get("lead", match.margin)
+    told = match.evidence
     walls = met.table[2]
     return {
-        "lead": max(-1.0, min(1.0, lead / max(abs(match.score), _LEAST_NATS))),
+        "lead": told.get("lead", told.get("lead_here", share_of(match.margin, match.score))),
         "drawn": met.common / max(1, met.common + met.missing),
         "explained": float(walls[2:].sum()) / max(1, int(walls.sum())),
     }

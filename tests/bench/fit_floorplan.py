@@ -1,11 +1,15 @@
 """Fit the probability that a plan lies where a match puts it, on simulated buildings, and judge it on others.
 
-    python tests/bench/fit_floorplan.py [--fit 1000 100] [--judge 3000 100] [--rows ROWS.npz]
+    python tests/bench/fit_floorplan.py [--fit 1000 72] [--judge 3000 71] [--processes 1] [--rows ROWS.npz]
+    python tests/bench/fit_floorplan.py --table 100 30
 
 Of each building a robot has mapped a part. Its plan, with wrong walls, is given with its scale and without, whole and,
-of every fourth building, with a part cut off. Prints the coefficients that ``mapgraft_floorplan/metrics.py`` holds, how
-many right and wrong hypotheses of the buildings to judge by they would take from each limit on, and how many first
-hypotheses are right with other costs of what lies beyond all that is drawn. Rows that were written are read again.
+of every fourth building, with a part cut off. Prints the coefficients of the greatest likelihood on the first
+buildings; how many right and wrong hypotheses would be taken from each limit on, of the first buildings by coefficients
+fitted to the others (eight folds, whole buildings), of the buildings to judge by with the coefficients just fitted and
+with those that ``mapgraft_floorplan/metrics.py`` holds; and how many first hypotheses are right, also with other costs
+of what lies beyond all that is drawn. Rows that were written are read again. The second form counts the table of log
+likelihood ratios of ``mapgraft_floorplan/evidence_table.py`` anew.
 """
 
 from __future__ import annotations
@@ -14,6 +18,7 @@ import argparse
 import math
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,13 +26,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapgraft.contracts import MapgraftError, Match, Transform
-from mapgraft_floorplan.evidence_table import OUTSIDE, agreement
+from mapgraft_floorplan.evidence_table import FACTORS, OUTSIDE, agreement
 from mapgraft_floorplan.grid_conversion import PlanToGrid
 from mapgraft_floorplan.layer import PlanLayer, Walls
 from mapgraft_floorplan.map_type import FloorPlanType
 from mapgraft_floorplan.matcher import PlanCorrelation
-from mapgraft_floorplan.metrics import COEFFICIENTS, features
+from mapgraft_floorplan.metrics import COEFFICIENTS, INTERCEPT, LEAD, features
 from mapgraft_floorplan.plan import plan_of as as_plan
+from mapgraft_grid.bayes import meeting_table
 from mapgraft_grid.grid_map import GridMap
 from mapgraft_grid.layer import GridLayer
 from mapgraft_grid.map_type import OccupancyGrid
@@ -40,6 +46,8 @@ SCANS = (40, 80, 160, 320)
 LIMITS = (0.5, 0.7, 0.8, 0.9, 0.95)
 COSTS = (0.0, 0.1, 0.25, 0.4, 1.0)
 RIDGE = 3e-5
+FOLDS = 8
+TABLE_SCANS, WRONG_PLACES = 80, 6
 
 
 @dataclass
@@ -120,7 +128,8 @@ def _cut(walls: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.flo
     """A plan of half to four fifths of what is drawn: the walls on one side of a line."""
     angle = rng.uniform(0.0, math.tau)
     along = walls.reshape(-1, 2, 2).mean(axis=1) @ np.array([math.cos(angle), math.sin(angle)])
-    return walls[along <= np.quantile(along, rng.uniform(0.5, 0.8))]
+    kept: NDArray[np.float64] = walls[along <= np.quantile(along, rng.uniform(0.5, 0.8))]
+    return kept
 
 
 def rows_of(case: Case, found: Sequence[Match]) -> list[Row]:
@@ -136,21 +145,32 @@ def rows_of(case: Case, found: Sequence[Match]) -> list[Row]:
     return rows
 
 
-def measured(seeds: range) -> list[Row]:
-    """The rows of all buildings, told as they come."""
+def tried(seed: int) -> tuple[list[Row], list[float], list[str]]:
+    """All hypotheses of a building, how long each search took (s of a processor), and a line to tell of each."""
+    rows: list[Row] = []
+    took_s, lines = [], []
+    for case in cases_of(seed):
+        began = time.process_time()
+        try:
+            found = PlanCorrelation(scale="unknown" if case.free else "known").match(case.robot, case.plan)
+        except MapgraftError as error:
+            lines.append(f"{seed} {error}")
+            continue
+        took_s.append(time.process_time() - began)
+        rows += (made := rows_of(case, found))
+        said = "right" if made and made[0].right else "wrong"
+        lines.append(f"{seed} {case.kind:10} {case.scans:3} scans, {case.name:18} {said}")
+    return rows, took_s, lines
+
+
+def measured(seeds: Sequence[int], processes: int) -> list[Row]:
+    """The rows of all buildings, told as they come, in the order of their seeds however many work."""
     rows, took_s = [], []
-    for seed in seeds:
-        for case in cases_of(seed):
-            began = time.process_time()
-            try:
-                found = PlanCorrelation(scale="unknown" if case.free else "known").match(case.robot, case.plan)
-            except MapgraftError as error:
-                print(seed, error)
-                continue
-            took_s.append(time.process_time() - began)
-            rows += (made := rows_of(case, found))
-            said = "right" if made and made[0].right else "wrong"
-            print(f"{seed} {case.kind:10} {case.scans:3} scans, {case.name:18} {said}", flush=True)
+    with ProcessPoolExecutor(processes) as pool:
+        for made, spent_s, lines in pool.map(tried, seeds):
+            rows += made
+            took_s += spent_s
+            print("\n".join(lines), flush=True)
     print(f"matching took {np.median(took_s):.2f} s of a processor in the median, {max(took_s):.2f} s at most")
     return rows
 
@@ -180,11 +200,21 @@ def told(rows: list[Row]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDA
     return x, np.array([row.known["lead"] for row in rows]), np.array([row.right for row in rows])
 
 
-def judged(rows: list[Row], w: NDArray[np.float64]) -> None:
-    """Print what is taken from each limit on."""
+def cross_validated(rows: list[Row]) -> NDArray[np.float64]:
+    """The probability of each hypothesis by coefficients fitted to seven eighths of the buildings, without its own."""
     x, lead, right = told(rows)
-    p = probability(w, x, lead)
-    print(f"{right.sum()} right hypotheses, {(~right).sum()} wrong")
+    fold = np.array([row.seed for row in rows]) % FOLDS
+    p = np.empty(len(rows))
+    for out in (fold == k for k in range(FOLDS)):
+        if out.any():
+            p[out] = probability(fit(x[~out], lead[~out], right[~out]), x[out], lead[out])
+    return p
+
+
+def judged(what: str, rows: list[Row], p: NDArray[np.float64]) -> None:
+    """Print what is taken from each limit on."""
+    right = told(rows)[2]
+    print(f"{what}: {right.sum()} right hypotheses, {(~right).sum()} wrong")
     for limit in LIMITS:
         taken = p >= limit
         print(f"  from {limit} on {taken[right].sum()} right ({100 * taken[right].mean():.0f} %)", end=" ")
@@ -205,27 +235,66 @@ def counted(rows: list[Row]) -> None:
         print()
 
 
+def table(seeds: Sequence[int]) -> NDArray[np.float64]:
+    """How much more often marks (4 of the robot, 4 of the plan, none unknown) meet at the right place (natural log).
+
+    More often than at wrong ones, that is, which lay some wall of the plan on some wall of the robot, turned by any
+    angle. All buildings weigh the same.
+    """
+    grid, rng = OccupancyGrid(), np.random.default_rng(0)
+    right, wrong = np.zeros((5, 5)), np.zeros((5, 5))
+    for seed in seeds:
+        house, layer = building(seed), grid.new_layer()
+        for observation in drive(house, seed + 1, TABLE_SCANS):
+            grid.integrate(layer, observation)
+        plan = PlanLayer(Walls.of_metres(plan_of(house, 0)))
+        robot = prepare(grid.view(layer), 0.1)
+        drawn = prepare(grid.view(PlanToGrid().convert(plan, FloorPlanType(), grid)), 0.1)
+        met = meeting_table(robot, drawn, Transform.identity())
+        right += met / met.sum()
+        for _ in range(WRONG_PLACES):
+            yaw = rng.uniform(-math.pi, math.pi)
+            seen, other = robot.walls[rng.integers(len(robot.walls))], drawn.walls[rng.integers(len(drawn.walls))]
+            shift = seen - Transform.planar(0.0, 0.0, yaw).apply(other[None])[0]
+            met = meeting_table(robot, drawn, Transform.planar(float(shift[0]), float(shift[1]), yaw))
+            wrong += met / max(1, met.sum())
+    right, wrong = right[1:, 1:], wrong[1:, 1:]
+    ratios: NDArray[np.float64] = np.log(right / right.sum()) - np.log(wrong / wrong.sum())
+    return ratios
+
+
 def main() -> None:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    asked.add_argument("--fit", type=int, nargs=2, default=(1000, 100), metavar=("FIRST", "COUNT"))
-    asked.add_argument("--judge", type=int, nargs=2, default=(3000, 100), metavar=("FIRST", "COUNT"))
+    asked.add_argument("--fit", type=int, nargs=2, default=(1000, 72), metavar=("FIRST", "COUNT"))
+    asked.add_argument("--judge", type=int, nargs=2, default=(3000, 71), metavar=("FIRST", "COUNT"))
+    asked.add_argument("--table", type=int, nargs=2, metavar=("FIRST", "COUNT"), help="only count the table")
+    asked.add_argument("--processes", type=int, default=1, help="how many work at once")
     asked.add_argument("--rows", type=Path, help="write all hypotheses to this file, or read them from it")
     options = asked.parse_args()
+    if options.table:
+        counted_now = table(range(options.table[0], sum(options.table)))
+        print(np.array2string(counted_now, precision=2, suppress_small=True))
+        print(f"at most {np.abs(counted_now - FACTORS[1:, 1:]).max():.2f} from what is shipped")
+        return
     sets = [range(first, first + count) for first, count in (options.fit, options.judge)]
     if options.rows and options.rows.exists():
         kept = [Row(**row) for row in np.load(options.rows, allow_pickle=True)["rows"].tolist()]
     else:
-        kept = [row for seeds in sets for row in measured(seeds)]
+        kept = [row for seeds in sets for row in measured(seeds, options.processes)]
         if options.rows:
             np.savez(options.rows, rows=np.array([{**_fields(row)} for row in kept], object))
     ours, others = ([row for row in kept if row.seed in seeds] for seeds in sets)
-    w = fit(*told(ours))
-    named = {name: round(float(value), 3) for name, value in zip(COEFFICIENTS, w, strict=False)}
-    print(named, "intercept", round(float(w[-2]), 3), "lead", round(float(w[-1]), 3))
+    w, shipped = fit(*told(ours)), np.array([*COEFFICIENTS.values(), INTERCEPT, LEAD])
+    for what, model in (("fitted", w), ("shipped", shipped)):
+        named = {name: round(float(value), 3) for name, value in zip(COEFFICIENTS, model, strict=False)}
+        print(f"{what}: {named}, intercept {model[-2]:.3f}, lead {model[-1]:.3f}")
     for what, rows in (("fitted on", ours), ("judged by", others)):
         print(f"{what} {len({row.seed for row in rows})} buildings")
-        judged(rows, w)
         counted(rows)
+    judged(f"fitted on, {FOLDS} folds", ours, cross_validated(ours))
+    for what, model in (("fitted", w), ("shipped", shipped)):
+        x, lead, _ = told(others)
+        judged(f"judged by, as {what}", others, probability(model, x, lead))
 
 
 def _fields(row: Row) -> dict[str, object]:

@@ -10,7 +10,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from mapgraft.contracts import CLOUD, Cloud, Contribution, MapError, Observation, Provenance, Transform
+from mapgraft.contracts import (
+    CLOUD,
+    Cloud,
+    Contribution,
+    Conversion,
+    Layer,
+    MapError,
+    MapType,
+    Observation,
+    Provenance,
+    Transform,
+)
+from mapgraft.testing import examine, laws_of
+from mapgraft_cloud.conformance import CloudToGrid
 from mapgraft_cloud.floors import Floors, lowest_slab
 from mapgraft_cloud.grid_conversion import GridConversion
 from mapgraft_cloud.layer import CloudLayer
@@ -54,6 +67,36 @@ def test_what_is_seen_down_a_stairwell_changes_nothing_elsewhere() -> None:
     kind.integrate(layer, sweep(deep, (0.0, 6.0, 0.6), 0.0))
     after = grid_of(layer)
     assert {cell: counts for cell, counts in after.items() if cell in before and cell[1] < 20} == before
+
+
+class OneFloorForAll:
+    """Converts as if the lowest slab that a tenth of all columns have were the floor everywhere."""
+
+    def convert(self, layer: Layer, source: MapType, target: MapType) -> Layer:
+        assert isinstance(source, PointCloud)
+        flat = source.decode(source.encode(layer))
+        assert isinstance(flat, CloudLayer)
+        points = source.structure(source.view(flat))
+        floor = lowest_slab(np.floor(points / flat.voxel_m).astype(np.int64), flat.voxel_m)
+        if floor is not None:
+            flat.floors = Floors()
+            flat.floors.add((0, 0, floor))
+        return GridConversion().convert(flat, source, target)
+
+
+class OneFloorLaws(CloudToGrid):
+    def make_conversion(self) -> Conversion:
+        return OneFloorForAll()
+
+
+@pytest.mark.parametrize("law", ["what_stood_stands_on", "what_stands_stays"])
+def test_the_laws_catch_a_conversion_that_knows_one_floor_only(law: str) -> None:
+    """With no more examples than the real one is tried with."""
+    (meant,) = [one for one in laws_of(OneFloorLaws) if one.name == law]
+    broken = examine(OneFloorLaws(), meant)
+    assert broken.status == "broken", broken
+    assert "m lower" in broken.sentence
+    assert examine(CloudToGrid(), meant).status == "kept"
 
 
 def test_the_band_follows_the_robot_up_a_ramp() -> None:

@@ -81,6 +81,13 @@ def robot_map() -> GridMap:
     return grid.view(layer)
 
 
+@pytest.fixture(scope="session")
+def early_map() -> GridMap:
+    """What it knew before, of the rooms this side of the middle."""
+    grid, layer = mapped(WALLS, 7.0)
+    return grid.view(layer)
+
+
 @pytest.fixture
 def robot() -> tuple[OccupancyGrid, Layer]:
     return mapped(WALLS, 9.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 from dataclasses import dataclass, field
 from typing import Literal
@@ -14,10 +15,13 @@ from numpy.typing import NDArray
 from mapgraft.contracts import GridMessage, Layer, Map, Match, Measurement, Observation, Step, Transform
 from mapgraft.events import Event
 from mapgraft.outputs.findings import LatestFindings, finding_markers
+from mapgraft.registration import Site, find_move
 from mapgraft_floorplan.grid_conversion import PlanToGrid
 from mapgraft_floorplan.layer import PlanLayer, Walls
 from mapgraft_floorplan.map_type import FloorPlanType
+from mapgraft_floorplan.matcher import PlanCorrelation
 from mapgraft_floorplan.metrics import PlanAgreement, PlanDeviations, PlanPosterior
+from mapgraft_grid.grid_map import GridMap
 from mapgraft_grid.map_type import OccupancyGrid
 
 HERE = Transform.identity()
@@ -100,15 +104,38 @@ def test_the_best_of_the_rest_is_no_better_than_it_was(
 ) -> None:
     """When the best place has been refused the engine tells margins among the others."""
     comparison = laid(*robot, walls)
-    comparison.match = Match(HERE, 800.0, 700.0, evidence={"lead": 700.0})
+    comparison.match = Match(HERE, 800.0, 700.0, evidence={"lead": 0.875})
     first = PlanPosterior().track(comparison).update(Step())
-    comparison.match = Match(HERE, 800.0, 700.0, evidence={"lead": -300.0})
+    comparison.match = Match(HERE, 800.0, 700.0, evidence={"lead": -0.375})
     second = PlanPosterior().track(comparison).update(Step())
     comparison.match = Match(HERE, 800.0, 0.0)
     tied = PlanPosterior().track(comparison).update(Step())
     assert first.value > 0.9
     assert tied.value == pytest.approx(0.5 * tied.details["fits"])
     assert second.value < 0.1
+
+
+def test_a_place_does_not_become_less_probable_by_being_registered_anew(
+    walls: NDArray[np.float64], early_map: GridMap, robot_map: GridMap, robot: tuple[OccupancyGrid, Layer]
+) -> None:
+    """The score grows with the map and replaces the standing one; the margin and the lead that were told stay."""
+    grid = robot[0]
+    plan = PlanToGrid().convert(PlanLayer(Walls.of_metres(walls)), FloorPlanType(), grid)
+    view, site = grid.view(plan), Site((6.0, 4.0), 0.05, 7.0)
+    found = PlanCorrelation().match(early_map, view)[0]
+    off = Transform.planar(0.2, 0.1, 0.0)
+    standing = dataclasses.replace(found, T_receiver_donor=off @ found.T_receiver_donor)
+    comparison = laid(*robot, walls)
+    comparison.match = standing
+    before = PlanPosterior().track(comparison).update(Step())
+    move = find_move(PlanCorrelation(), robot_map, view, standing, standing.T_receiver_donor, site)
+    assert move is not None
+    assert move.match.score > 1.2 * standing.score
+    assert move.match.margin == standing.margin
+    comparison.match = move.match
+    after = PlanPosterior().track(comparison).update(Step())
+    assert after.details["first"] == before.details["first"] > 0.5
+    assert after.value == before.value
 
 
 def test_maps_far_apart_are_not_measured(robot: tuple[OccupancyGrid, Layer], walls: NDArray[np.float64]) -> None:

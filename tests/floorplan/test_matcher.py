@@ -38,7 +38,9 @@ def test_a_plan_of_known_scale(walls: NDArray[np.float64], robot_map: GridMap, t
     assert turn_rad < math.radians(0.6)
     assert found[0].scale == 1.0
     assert len(found) >= 2
-    assert found[0].margin == found[0].evidence["lead"] == pytest.approx(found[0].score - found[1].score)
+    assert found[0].margin == pytest.approx(found[0].score - found[1].score)
+    assert found[0].evidence["lead"] == pytest.approx(found[0].margin / found[0].score)
+    assert found[1].evidence["lead"] == pytest.approx(max(-1.0, -found[0].margin / abs(found[1].score)))
     assert found[0].evidence["common_m"] > 15.0
 
 
@@ -81,7 +83,8 @@ def test_a_prior_restricts_the_search_and_tells_its_score(walls: NDArray[np.floa
     best = PlanCorrelation().match(robot_map, source, Prior(T, sure, "a person"))[0]
     assert best.T_receiver_donor.difference(T)[0] < 0.1
     assert best.score >= best.evidence["prior_score"] > 0.0
-    assert "lead" not in best.evidence  # a search around a prior knows no rivals
+    assert "lead" not in best.evidence  # a search around a prior knows no rivals elsewhere
+    assert -1.0 <= best.evidence["lead_here"] <= 1.0
     elsewhere = Prior(T @ Transform.planar(60.0, 60.0, 2.0), sure, "a person")
     assert not PlanCorrelation().match(robot_map, source, elsewhere)
 

@@ -13,18 +13,22 @@ from mapgraft.testing.rooms import REACH_M, Room, distances
 
 HEIGHT_M: Final = 2.4  # of the rooms
 SENSOR_M: Final = 1.0  # above the floor
-RINGS: Final = 16
+RINGS: Final = 22
 BEARINGS: Final = 120
-STEEPEST_RAD: Final = math.radians(30.0)
+DOWN_RAD: Final = math.radians(-75.0)  # steep enough to see the lower floor from near the step
+UP_RAD: Final = math.radians(30.0)
 SPACING_M: Final = 0.1  # of the points of a ready-made map
 
 
 def look_around(room: Room, x: float, y: float, yaw: float) -> Cloud:
-    """One sweep of a lidar whose sensor stands at a pose on the upper floor: floors, ceiling, walls and posts."""
+    """One sweep of a lidar whose sensor stands at a pose on the upper floor: floors, ceiling, walls and posts.
+
+    It looks down as far as domes of beams do, so that over a near step it sees the lower floor.
+    """
     bearings = -math.pi + math.tau * np.arange(BEARINGS) / BEARINGS
     flat = np.stack((np.cos(bearings + yaw), np.sin(bearings + yaw)), axis=1)
     away = np.minimum(distances(room.segments(), np.array([x, y]), flat), REACH_M)
-    slopes = np.tan(np.linspace(-STEEPEST_RAD, STEEPEST_RAD, RINGS))
+    slopes = np.tan(np.linspace(DOWN_RAD, UP_RAD, RINGS))
     rise = np.where(slopes > 0, HEIGHT_M - SENSOR_M, -SENSOR_M) / slopes  # how far until the floor or the ceiling
     deeper = np.where(slopes > 0, rise, -(SENSOR_M + room.lower) / slopes)
     over_the_step = x + rise[:, None] * flat[:, 0] > room.step_x

@@ -18,7 +18,8 @@ REACH_M: Final = 12.0
 GRID_M: Final = 0.1
 _MARGIN: Final = 5  # cells around a ready-made map
 _POST_CORNERS: Final = 8
-_STEP: Final = 0.7  # of the width
+_STEP: Final = 0.5  # of the width
+_ABOVE_THE_STEP, _BY_THE_STEP = (30, 48), (46, 48)  # hundredths of the width
 _LOWER_M: Final = 2.2  # a flight of stairs: the height of a person above it lies below the upper floor
 _SLOPES: Final = (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)  # of the rings of a spinning lidar, up per way
 _FLOOR_M, _CEILING_M = -1.0, 2.0  # seen from it
@@ -143,13 +144,12 @@ def stepped(draw: st.DrawFn) -> Room:
 
 @st.composite
 def poses(draw: st.DrawFn, room: Room, least: int, most: int) -> list[tuple[float, float, float]]:
-    """Places in the middle of the lower part of a room, with any heading."""
+    """Places in the middle of the lower part of a room, with any heading; where its floor steps down all are above the
+    step, the last of them so near that one looks down it."""
     count = draw(st.integers(least, most))
-    return [
-        (
-            room.wide * draw(st.integers(30, 65)) / 100.0,
-            room.deep * draw(st.integers(10, 50)) / 100.0,
-            draw(st.integers(-31, 31)) / 10.0,
-        )
-        for _ in range(count)
-    ]
+    made = []
+    for left in reversed(range(count)):
+        first, last = (30, 65) if not room.lower else _BY_THE_STEP if left == 0 else _ABOVE_THE_STEP
+        across, up, turn = st.integers(first, last), st.integers(10, 50), st.integers(-31, 31)
+        made.append((room.wide * draw(across) / 100.0, room.deep * draw(up) / 100.0, draw(turn) / 10.0))
+    return made
