@@ -92,6 +92,20 @@ def test_all_messages_of_intact_chunks_are_read_and_nothing_false(
         assert [row[1] for row in found] == sorted(row[1] for row in found) or source.faults.count("late_messages")
 
 
+def test_a_damaged_chunk_that_alone_describes_its_channel_is_told(
+    tmp_path: Path, mcap_bytes: Any, told_type: Any
+) -> None:
+    made = mcap_bytes()
+    chunk = made.chunk([told_type("/a", 1, random.Random(7).randbytes(151))])
+    made.finish(channels=False, statistics=False, checksum=False)
+    made.data[chunk.end - 1] ^= 0xFF
+    path = tmp_path / "hurt.mcap"
+    path.write_bytes(made.data)
+    with McapSource(path) as source:
+        assert source.channels == ()
+        assert {fault.cause: fault.count for fault in source.faults} == {"chunk_damaged": 1, "messages_lost": 1}
+
+
 @THOROUGH
 @given(chunks=CHUNKS, kind=KINDS, ending=ENDINGS)
 def test_whole_files_of_any_make_are_read_without_a_fault(

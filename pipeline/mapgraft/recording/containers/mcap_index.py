@@ -188,7 +188,10 @@ class _Filler:
         return place if found.counts else None
 
     def open_for_channels(self, told: Sequence[ChunkIndex]) -> None:
-        """Look into chunks of the chunk index for channels that it speaks of and nobody describes."""
+        """Look into chunks of the chunk index for channels that it speaks of and nobody describes.
+
+        What is wrong with them is told now: nobody may ask for what is in them.
+        """
         index = self._index
         for place in index.places[: len(told)]:
             known = self._known if place.channels is None else place.channels.keys() <= index.channels.keys()
@@ -196,6 +199,8 @@ class _Filler:
                 content = chunk_content(self._view, place.offset, place.end, self._limits)
                 spans(content.data, index.declare)
                 spans(content.suspect, index.suppose)
+                if content.damage:
+                    index.damaged.append((place, content._replace(suspect=b"")))
 
 
 def _opened_place(piece: Piece, found: Spans) -> Place:
