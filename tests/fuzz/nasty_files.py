@@ -771,10 +771,14 @@ def _expected() -> None:
 
 
 def _picked(case: Nasty, out: str) -> str:
-    """What tells most of a command that did its work: a sentence on what was lost, else the last one with the hint."""
+    """What tells most of a command that did its work: a sentence on what was lost, else the last one with the hint.
+
+    The line of all rules tells of plugins, not of the input.
+    """
     marks = ("left out", "limits.", "did not enter", "cut off", "damaged", "is lost", "cannot be", "without")
-    lines = [line for line in out.splitlines() if any(mark in line for mark in marks)]
-    return told((lines or [line for line in out.splitlines() if case.hint in line] or [out])[-1])
+    told_all = [line for line in out.splitlines() if not line.lstrip().startswith("rules: ")]
+    lines = [line for line in told_all if any(mark in line for mark in marks)]
+    return told((lines or [line for line in told_all if case.hint in line] or [out])[-1])
 
 
 def main() -> None:
