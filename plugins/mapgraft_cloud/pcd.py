@@ -20,6 +20,8 @@ SeenFrom = tuple[float, ...] | None  # VIEWPOINT: x, y, z, and the quaternion w,
 
 _NOWHERE: Final = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # what is written where nobody knows a viewpoint
 _KINDS: Final = {"F": "f", "I": "i", "U": "u"}
+_NUMBERS: Final = frozenset({("F", "4"), ("F", "8"), *((kind, size) for kind in "IU" for size in "1248")})
+_LZF_MOST: Final = 88  # times: three bytes stand for at most 264
 _HEADER_LIMIT: Final = 1 << 16  # bytes in which a header must end
 _MOST_POINTS: Final = 1 << 31
 
@@ -81,6 +83,9 @@ def _header(data: memoryview) -> _Header:
     points = int(said.get("POINTS", [str(width * height)])[0])
     if not 0 <= points <= _MOST_POINTS:
         raise ValueError(f"it announces {points} points")
+    for kind, size in zip(said["TYPE"], said["SIZE"], strict=True):
+        if (kind.upper(), size) not in _NUMBERS:
+            raise ValueError(f"it has numbers of TYPE {kind} and SIZE {size}, which PCD files do not have")
     record = np.dtype(
         [
             (name if name != "_" else f"_padding_{k}", f"<{_KINDS[kind.upper()]}{size}", (n,) if n > 1 else ())
@@ -125,6 +130,8 @@ def _compressed(header: _Header, data: memoryview) -> Columns:
     packed, unpacked = struct.unpack_from("<II", data, header.start)
     if unpacked != header.points * header.record.itemsize:
         raise ValueError(f"it unpacks to {unpacked} bytes, {header.points} points need others")
+    if unpacked > _LZF_MOST * packed:
+        raise ValueError(f"it cannot unpack {packed} bytes to {unpacked}")
     source = np.frombuffer(data, np.uint8, packed, header.start + 8)
     out = np.empty(unpacked, np.uint8)
     if lzf.unpack(source, out) != unpacked:

@@ -67,6 +67,8 @@ def _header(data: memoryview) -> tuple[str, list[_Element], int]:
         elif words[:2] == ["property", "list"]:
             elements[-1].lists = True
         elif words[:1] == ["property"]:
+            if words[1] not in _KINDS:
+                raise ValueError(f"it has a property of type {words[1]!r}, which PLY files do not have")
             elements[-1].properties.append((words[2], _KINDS[words[1]]))
     if order not in _ORDERS:
         raise ValueError(f"its format is {order!r}, not {', '.join(_ORDERS)}")

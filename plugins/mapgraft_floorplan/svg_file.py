@@ -85,7 +85,8 @@ class _Drawing:
 
     def _draw(self, tag: str, given: dict[str, str], M: Affine) -> None:
         for line in polylines(tag, given, self.name):
-            ends = line @ M[:2, :2].T + M[:2, 2]
+            with np.errstate(all="ignore"):  # what is not finite is refused with the whole plan
+                ends = line @ M[:2, :2].T + M[:2, 2]
             self.pieces.append(np.hstack((ends[:-1], ends[1:])))
             self.count += len(line) - 1
         require_few(self.count, f"the plan {self.name}")

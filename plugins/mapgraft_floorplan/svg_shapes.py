@@ -39,7 +39,8 @@ def polylines(tag: str, given: dict[str, str], name: str) -> Iterator[Line]:
         else:
             yield from _points(given.get("points", ""), tag == "polygon")
     except (ValueError, IndexError, KeyError, TypeError, ZeroDivisionError, OverflowError) as fault:
-        raise MapError(f"a {tag} in {name} cannot be read ({fault}): export the drawing again") from fault
+        said = str(fault) or "no numbers where they belong"
+        raise MapError(f"a {tag} in {name} cannot be read ({said}): export the drawing again") from fault
 
 
 def affine_of(text: str, name: str) -> Affine:

@@ -56,6 +56,7 @@ def all_cases() -> list[Nasty]:
         *definitions(),
         *logs(),
         *maps(),
+        *drawings(),
         *bags(),
         *strange(),
     ]
@@ -655,6 +656,92 @@ def maps() -> Iterator[Nasty]:
         "match-same-twice": ("match", "@/m.yaml", "@/m.yaml", "@/m.yaml"),
     }.items():
         yield Nasty(name, {"m.yaml": _MAP.encode(), "m.pgm": _PGM, "n.yaml": b"{"}, command)
+
+
+# -- clouds, segments and plans in files ------------------------------------------------------------------------------
+
+_PCD = (
+    "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 1\n"
+    "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 2\nDATA ascii\n0 0 1\n1 0 1\n"
+)
+_PLY = (
+    "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
+    "0 0 1\n1 0 1\n"
+)
+_SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="100mm" height="100mm" viewBox="0 0 100 100">{}</svg>'
+_XML_LAUGHS = (
+    '<!DOCTYPE svg [<!ENTITY a "ha">'
+    + "".join(f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in zip("abcdefgh", "bcdefghi", strict=True))
+    + "]><svg>&i;</svg>"
+)
+_DXF = "0\nSECTION\n2\nENTITIES\n0\nLINE\n8\n0\n10\n{}\n20\n0\n11\n5\n21\n0\n0\nENDSEC\n0\nEOF\n"
+_GEOJSON = '{{"type": "FeatureCollection", "unit": "m", "features": [{}]}}'
+_LINE = '{{"type": "Feature", "properties": {{}}, "geometry": {{"type": "LineString", "coordinates": {}}}}}'
+_FREE = (
+    _LINE.format("[[0, 0], [5, 0]]")
+    + ', {"type": "Feature", "properties": {"kind": "free", "cell_m": 1e-9}, "geometry": '
+    '{"type": "MultiPolygon", "coordinates": [[[[0, 0], [9, 0], [9, 9], [0, 9], [0, 0]]]]}}'
+)
+
+
+def drawings() -> Iterator[Nasty]:
+    texts = {
+        "pcd-nothing": "",
+        "pcd-no-fields": _PCD.replace("FIELDS x y z\n", ""),
+        "pcd-no-z": _PCD.replace("FIELDS x y z", "FIELDS x y w"),
+        "pcd-sizes-lie": _PCD.replace("SIZE 4 4 4", "SIZE 4 4 3"),
+        "pcd-count-negative": _PCD.replace("COUNT 1 1 1", "COUNT 1 -1 1"),
+        "pcd-count-giant": _PCD.replace("COUNT 1 1 1", "COUNT 1 1 2000000000"),
+        "pcd-points-giant": _PCD.replace("POINTS 2", "POINTS 2000000000").replace("ascii", "binary"),
+        "pcd-points-beyond": _PCD.replace("POINTS 2", "POINTS 99999999999999999999"),
+        "pcd-points-lie": _PCD.replace("POINTS 2", "POINTS 3"),
+        "pcd-words": _PCD.replace("1 0 1", "one 0 1"),
+        "pcd-all-nan": _PCD.replace("0 0 1", "nan nan nan").replace("1 0 1", "inf 0 1"),
+        "pcd-viewpoint-words": _PCD.replace("VIEWPOINT 0 0", "VIEWPOINT here there"),
+        "pcd-viewpoint-infinite": _PCD.replace("VIEWPOINT 0 0", "VIEWPOINT inf 0"),
+        "pcd-encoding-unknown": _PCD.replace("DATA ascii", "DATA brotli"),
+        "pcd-lzf-bomb": _PCD.replace("POINTS 2", "POINTS 134744072").replace(
+            "ascii\n", "binary_compressed\n\4\0\0\0````"
+        ),
+        "ply-nothing": "",
+        "ply-no-end": _PLY.replace("end_header", ""),
+        "ply-vertices-giant": _PLY.replace("vertex 2", "vertex 2000000000").replace("ascii", "binary_little_endian"),
+        "ply-vertices-negative": _PLY.replace("vertex 2", "vertex -2"),
+        "ply-type-unknown": _PLY.replace("float z", "decimal z"),
+        "ply-no-z": _PLY.replace("property float z\n", "").replace("0 0 1\n1 0 1", "0 0\n1 0"),
+        "ply-cut": _PLY[:-6],
+        "svg-nothing": "",
+        "svg-laughs": _XML_LAUGHS,
+        "svg-entity-of-a-file": '<!DOCTYPE svg [<!ENTITY a SYSTEM "file:///etc/passwd">]><svg>&a;</svg>',
+        "svg-deep": "<svg>" + "<g>" * 5000 + "</g>" * 5000 + "</svg>",
+        "svg-endless-path": _SVG.format('<path d="M0 0' + " h1e308" * 50 + '"/>'),
+        "svg-path-words": _SVG.format('<path d="M zero zero L one one"/>'),
+        "svg-transform-words": _SVG.format('<g transform="turn(around)"><line x1="0" y1="0" x2="50" y2="0"/></g>'),
+        "svg-transform-nan": _SVG.format(
+            '<g transform="matrix(nan 0 0 1 0 0)"><line x1="0" y1="0" x2="50" y2="0"/></g>'
+        ),
+        "svg-no-walls": _SVG.format(""),
+        "dxf-nothing": "",
+        "dxf-noise": random.Random(15).randbytes(300).hex(),
+        "dxf-infinite": _DXF.format("inf"),
+        "dxf-words": _DXF.format("here"),
+        "dxf-cut": _DXF.format("1")[:40],
+        "geojson-nothing": "",
+        "geojson-deep": "[" * 100_000,
+        "geojson-no-features": "{}",
+        "geojson-words": _GEOJSON.format(_LINE.format('["here", "there"]')),
+        "geojson-infinite": _GEOJSON.format(_LINE.format("[[0, 0], [1e999, 0]]")),
+        "geojson-far": _GEOJSON.format(_LINE.format("[[0, 0], [1e300, 0]]")),
+        "geojson-free-giant": _GEOJSON.format(_FREE),
+    }
+    for name, text in texts.items():
+        file = f"a.{name.partition('-')[0]}"
+        yield Nasty(f"file-{name}", {file: text.encode()}, ("info", f"@/{file}"))
+    far = {"a.pcd": _PCD.replace("1 0 1", "1e30 0 1").encode(), "b.geojson": b"", "c.svg": b""}
+    far["b.geojson"] = _GEOJSON.format(_LINE.format("[[0, 0], [1e12, 0]]")).encode()
+    far["c.svg"] = _SVG.format('<path d="M0 0 L1e30 0"/>').encode()
+    for file, data in far.items():
+        yield Nasty(f"run-far-{file[2:]}", {file: data}, ("run", f"@/{file}", "--out", "@/out", "--no-report", "-q"))
 
 
 # -- bags, databases and what is no recording --------------------------------------------------------------------------
