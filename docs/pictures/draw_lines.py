@@ -33,11 +33,12 @@ from mapgraft.config import parse_config
 from mapgraft.contracts import Transform
 from mapgraft.evaluation import Drawing, build, draw_pairs, load_courses
 from mapgraft.plugins import load_plugins
-from mapgraft_lines.evidence.posterior import MODEL_FILE, models, probability
+from mapgraft_lines.evidence.posterior import MODEL_FILE
 from mapgraft_lines.line_association import LineAssociation
 from mapgraft_lines.line_map import LineMap
 from mapgraft_lines.map_type import LineSegments
 from mapgraft_lines.output import free_rectangles_m
+from mapgraft_standard.regression import models_of, posterior
 
 NAMES: Final = {
     "grids": "grid ← grid, `correlation`",
@@ -68,10 +69,8 @@ def probable(judged: Mapping[str, Any]) -> bool:
         return bool(numbers["posterior"] >= SURE)
     start = "line_posterior."
     features = {name.removeprefix(start): value for name, value in numbers.items() if name.startswith(start)}
-    usable = [model for model in models(MODEL_FILE) if model.coefficients.keys() <= features.keys()]
-    if not usable:
-        return False
-    return probability(max(usable, key=lambda model: len(model.coefficients)).log_odds(features)) >= SURE
+    told = posterior("line_posterior", models_of(MODEL_FILE, "line_posterior"), features, support=0)
+    return told.value >= SURE  # NaN is not
 
 
 def table(folder: Path) -> str:

@@ -10,6 +10,7 @@ from mapgraft.contracts import Anew, Comparison, Match, Measurement
 from mapgraft_floorplan.evidence_table import Agreement, share_of
 from mapgraft_floorplan.findings import findings_of
 from mapgraft_floorplan.standing import agreement_of, differences_of
+from mapgraft_standard.regression import probability
 
 # Fitted to the best two hypotheses in simulated buildings, with plans of known and of unknown scale, whole and in part,
 # with an earlier state of the code; the buildings by which it is judged are others, as it is now
@@ -101,11 +102,7 @@ def _posterior(comparison: Comparison) -> Measurement:
 def chances(known: Mapping[str, float]) -> tuple[float, float]:
     """The two factors of the probability: that the walls meet as at a right place, and that it is the right one."""
     fits = INTERCEPT + math.fsum(c * known[name] for name, c in COEFFICIENTS.items())
-    return _logistic(fits), _logistic(LEAD * known["lead"])
-
-
-def _logistic(log_odds: float) -> float:
-    return 1.0 / (1.0 + math.exp(-max(-500.0, log_odds)))
+    return probability(fits), probability(LEAD * known["lead"])
 
 
 def _agreement(comparison: Comparison) -> Measurement:

@@ -2,30 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from mapgraft.contracts import Anew, Comparison, ConfigError, Measurement
+from mapgraft.contracts import Anew, Comparison, Measurement
 from mapgraft_grid.evidence.features import features_of
 from mapgraft_grid.evidence.joint import standing_of
+from mapgraft_standard.regression import models_of, posterior
 
 MODEL_FILE: Final = Path(__file__).with_name("posterior_model.json")
-
-
-@dataclass(frozen=True, slots=True)
-class Model:
-    """A logistic regression on some of the features."""
-
-    coefficients: Mapping[str, float]
-    intercept: float
-
-    def log_odds(self, features: Mapping[str, float]) -> float:
-        return self.intercept + math.fsum(c * features[name] for name, c in self.coefficients.items())
 
 
 class Posterior:
@@ -40,7 +25,7 @@ class Posterior:
     """
 
     def __init__(self, *, model: str | None = None) -> None:
-        self.models = models(Path(model) if model else MODEL_FILE)
+        self.models = models_of(Path(model) if model else MODEL_FILE, "posterior")
 
     def track(self, comparison: Comparison) -> Anew:
         return Anew(comparison, self._measured)
@@ -48,27 +33,4 @@ class Posterior:
     def _measured(self, comparison: Comparison) -> Measurement:
         features = features_of(comparison)
         support = int(standing_of(comparison, "posterior").table.sum())
-        usable = [model for model in self.models if model.coefficients.keys() <= features.keys()]
-        if not usable:
-            return Measurement("posterior", math.nan, "1", support, "higher")
-        log_odds = max(usable, key=lambda model: len(model.coefficients)).log_odds(features)
-        details = {"log_odds": log_odds, **features}
-        return Measurement("posterior", probability(log_odds), "1", support, "higher", details)
-
-
-def probability(log_odds: float) -> float:
-    """The probability of natural log-odds."""
-    return 1.0 / (1.0 + math.exp(-log_odds)) if log_odds > -700.0 else 0.0
-
-
-@cache
-def models(path: Path) -> tuple[Model, ...]:
-    """The regressions of a file; raises ConfigError when it cannot be read."""
-    try:
-        found: Any = json.loads(path.read_text(encoding="utf-8"))
-        return tuple(
-            Model({str(n): float(c) for n, c in one["coefficients"].items()}, float(one["intercept"]))
-            for one in found["models"]
-        )
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise ConfigError(f"the model {path} of the metric posterior cannot be read ({error}): fit one") from error
+        return posterior("posterior", self.models, features, support)
