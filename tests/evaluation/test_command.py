@@ -95,7 +95,7 @@ def test_one_file_has_no_pairs_across_and_several_have(capsys):
         (["--json", "/nowhere/at/all.json"], "--json /nowhere/at/all.json: its folder does not exist"),
         (["--json", "."], "--json .: that is a folder"),
         (["--type", "sponge"], "there is no map type 'sponge': installed are "),
-        (["--rules", "/nowhere.yaml"], "/nowhere.yaml cannot be read"),
+        (["--rules", "/nowhere.yaml"], "there is no file /nowhere.yaml"),
     ],
 )
 def test_wrong_usage_is_one_sentence(recording, capsys, arguments, sentence):

@@ -156,7 +156,7 @@ def _installed() -> bool:
 
 
 def test_a_broken_matcher_is_named_with_the_pair(courses, plugins, rules, small):
-    with pytest.raises(PluginError, match=r"pair 0: rule 'whatever matches' \(matcher 'broken'.*by nothing"):
+    with pytest.raises(PluginError, match=r"pair 0: rule 'whatever matches': the matcher 'broken'.*by nothing"):
         evaluate_courses(courses, CONFIG, Settings(small, rules=rules, matcher="broken", baseline=False), plugins)
 
 

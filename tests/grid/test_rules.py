@@ -23,10 +23,11 @@ def rules() -> dict[str, Rule]:
 def test_every_rule_names_installed_tools_and_parameters_they_take() -> None:
     workshop = Workshop(load_plugins())
     known, found = (workshop.tools(rule) for rule in rules().values())
-    assert isinstance(known.matcher, KnownPose) and isinstance(found.matcher, Correlation)
+    assert isinstance(known.matcher.matcher, KnownPose) and isinstance(found.matcher.matcher, Correlation)
     for tools in (known, found):
-        assert isinstance(tools.fuser, LogOdds) and tools.fuser.quality == "windowed"
-        assert isinstance(tools.metrics["similarity"], Similarity) and isinstance(tools.metrics["distance"], Distance)
+        fuser, metrics = tools.fuser.fuser, {name: guarded.metric for name, guarded in tools.metrics.items()}
+        assert isinstance(fuser, LogOdds) and fuser.quality == "windowed"
+        assert isinstance(metrics["similarity"], Similarity) and isinstance(metrics["distance"], Distance)
     assert isinstance(workshop.map_type("occupancy_grid"), OccupancyGrid)
 
 

@@ -61,7 +61,7 @@ def offering(pair: Pair, table: DecisionTable, workshop: Workshop) -> Robot:
 def attempt(pair: Pair, donor: Robot, table: DecisionTable, workshop: Workshop, reversal: ReversalName) -> Trial:
     """Let the receiver consider the donor's map, map on, and verify.
 
-    Raises PluginError, which names the pair, when a plugin fails.
+    Raises PluginError, which names the pair, when a plugin fails: a run goes on without it, a judgement does not.
     """
     witness, history = Witness(), History(NullSink())
     workshop.watch = witness.watch
@@ -72,6 +72,7 @@ def attempt(pair: Pair, donor: Robot, table: DecisionTable, workshop: Workshop, 
         receiver.consider(donor.offer(), donor.layer, stamp_ns)
         attempted = history.events[-1]
         took = _map_on(receiver, pair.further, witness) if receiver.merges else _Took()
+        _require_no_failure(history.events)
     except PluginError as error:
         raise PluginError(f"pair {pair.plan.number}: {error}") from error
     finally:
@@ -93,7 +94,14 @@ def _robot(
     robot = Robot(name, map_type, reversal, table, workshop, Hand(), journal)
     for observation in observations:
         robot.observe(observation)
+    _require_no_failure(history.events)
     return robot
+
+
+def _require_no_failure(events: Sequence[Event]) -> None:
+    failed = next((event for event in events if event.kind == "failed"), None)
+    if failed is not None:
+        raise PluginError(f"rule {failed.rule!r}: {failed.reason}" if failed.rule else failed.reason)
 
 
 class _Took(NamedTuple):
