@@ -17,8 +17,9 @@ from matplotlib.axes import Axes
 from scipy.ndimage import maximum_filter
 
 import mapgraft
-from mapgraft.contracts import Observation, Transform
-from mapgraft.events import Event, Snapshot
+from mapgraft.contracts import Transform
+from mapgraft.events import Snapshot
+from mapgraft.outputs.memory_sink import MemorySink
 from mapgraft_grid.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
 
 Window = tuple[tuple[int, int], tuple[int, int]]  # origin cell (ix, iy), shape (h, w)
@@ -28,31 +29,13 @@ FOREIGN = {FREE: (0.80, 0.90, 1.0), OCCUPIED: (0.05, 0.35, 0.80)}
 DISAGREE = (0.85, 0.10, 0.10)
 
 
-class Album:
-    """A sink that keeps all snapshots."""
-
-    def __init__(self) -> None:
-        self.snapshots: list[Snapshot] = []
-
-    def observed(self, observation: Observation) -> None:
-        pass
-
-    def happened(self, event: Event) -> None:
-        pass
-
-    def mapped(self, snapshot: Snapshot) -> None:
-        self.snapshots.append(snapshot)
-
-    def find(self, why: str, merge_id: str) -> Snapshot:
-        return next(s for s in self.snapshots if s.why == why and s.merge_id == merge_id)
-
-    def donor_in(self, receiver: Snapshot, donor: str, T_receiver_donor: Transform) -> GridMap:
-        """The donor's own map as it was then, where the receiver believes it to be."""
-        layers = [s.layer for s in self.snapshots if s.robot == donor and s.stamp_ns <= receiver.stamp_ns]
-        map_type = receiver.map_type
-        view = map_type.view(map_type.place(map_type.decode(layers[-1]), T_receiver_donor))
-        assert isinstance(view, GridMap)
-        return view
+def donor_in(memory: MemorySink, receiver: Snapshot, donor: str, T_receiver_donor: Transform) -> GridMap:
+    """The donor's own map as it was then, where the receiver believes it to be."""
+    layers = [s.layer for s in memory.snapshots if s.robot == donor and s.stamp_ns <= receiver.stamp_ns]
+    map_type = receiver.map_type
+    view = map_type.view(map_type.place(map_type.decode(layers[-1]), T_receiver_donor))
+    assert isinstance(view, GridMap)
+    return view
 
 
 def draw(axes: Axes, snapshot: Snapshot, window: Window, donor: GridMap | None, title: str) -> None:
@@ -76,8 +59,8 @@ def draw(axes: Axes, snapshot: Snapshot, window: Window, donor: GridMap | None, 
 
 
 def main() -> None:
-    album = Album()
-    result = mapgraft.run(sinks=[album])
+    memory = MemorySink()
+    result = mapgraft.run(sinks=[memory])
     wrong = next(e for e in result.events if e.kind == "reverted" and e.receiver == ROBOT)
     right = next(e for e in result.standing.values() if e.receiver == ROBOT and e.donor == wrong.donor)
     assert wrong.T_receiver_donor is not None
@@ -85,13 +68,13 @@ def main() -> None:
     assert isinstance(last, GridMap)
     x0, y0, x1, y1 = last.bounds_cells()
     window = ((x0, y0), (y1 - y0, x1 - x0))
-    found_out = album.find("before revert", wrong.merge_id)
-    donor = album.donor_in(found_out, wrong.donor, wrong.T_receiver_donor)
+    found_out = memory.snapshot(ROBOT, "before revert", wrong.merge_id)
+    donor = donor_in(memory, found_out, wrong.donor, wrong.T_receiver_donor)
     panels = [
-        (album.find("after merge", wrong.merge_id), None, f"1  {wrong.donor} is merged, in the wrong wing"),
+        (memory.snapshot(ROBOT, "after merge", wrong.merge_id), None, f"1  {wrong.donor} is merged, in the wrong wing"),
         (found_out, donor, "2  further mapping contradicts it (red)"),
-        (album.find("after revert", wrong.merge_id), None, "3  reverted: as if it had never been"),
-        (album.find("after merge", right.merge_id), None, f"4  {wrong.donor} is merged where it belongs"),
+        (memory.snapshot(ROBOT, "after revert", wrong.merge_id), None, "3  reverted: as if it had never been"),
+        (memory.snapshot(ROBOT, "after merge", right.merge_id), None, f"4  {wrong.donor} is merged where it belongs"),
     ]
     figure, axes = plt.subplots(1, 4, figsize=(14, 4.9), layout="constrained")
     for ax, (snapshot, against, title) in zip(axes, panels, strict=True):

@@ -12,8 +12,9 @@ import matplotlib as mpl
 import numpy as np
 
 import mapgraft
-from mapgraft.contracts import Finding, Observation, Points, Transform
-from mapgraft.events import Event, Snapshot
+from mapgraft.contracts import Finding, Points, Transform
+from mapgraft.events import Snapshot
+from mapgraft.outputs.memory_sink import MemorySink
 from mapgraft_grid.grid_map import FREE, OCCUPIED, GridMap
 from mapgraft_recordings import demo_files
 from mapgraft_recordings.outcome import read_outcome
@@ -26,25 +27,6 @@ BAND_M = (0.3, 2.4)
 WINDOW = (-21.5, 21.5, -8.2, 8.2)  # metres in the world's frame
 
 
-class Album:
-    """A sink that keeps all snapshots."""
-
-    def __init__(self) -> None:
-        self.snapshots: list[Snapshot] = []
-
-    def observed(self, observation: Observation) -> None:
-        pass
-
-    def happened(self, event: Event) -> None:
-        pass
-
-    def mapped(self, snapshot: Snapshot) -> None:
-        self.snapshots.append(snapshot)
-
-    def of(self, robot: str, why: str, merge_id: str) -> Snapshot:
-        return next(s for s in self.snapshots if (s.robot, s.why, s.merge_id) == (robot, why, merge_id))
-
-
 def walls(snapshot: Snapshot, fused: bool = False) -> Points:
     """Where a map of any type has walls, in its own frame."""
     points = snapshot.map_type.structure(snapshot.fused if fused else snapshot.own)
@@ -53,8 +35,8 @@ def walls(snapshot: Snapshot, fused: bool = False) -> Points:
     return points[:, :2]
 
 
-def latest(album: Album, robot: str, stamp_ns: int) -> Snapshot:
-    return [s for s in album.snapshots if s.robot == robot and s.stamp_ns <= stamp_ns][-1]
+def latest(memory: MemorySink, robot: str, stamp_ns: int) -> Snapshot:
+    return [s for s in memory.snapshots if s.robot == robot and s.stamp_ns <= stamp_ns][-1]
 
 
 def show(axes: Any, T_world_map: Transform, points: Points, colour: str, size: float = 0.3) -> None:
@@ -94,8 +76,8 @@ def main() -> None:
     import matplotlib.pyplot as plt
 
     files, config, expected = demo_files(NAME)
-    album, outcome = Album(), read_outcome(expected)
-    result = mapgraft.run(files, config, sinks=[album])
+    memory, outcome = MemorySink(), read_outcome(expected)
+    result = mapgraft.run(files, config, sinks=[memory])
     truth = {name: Transform.planar(*pose) for name, pose in outcome.T_world_map.items()}
     merged = {
         (event.receiver, event.donor): event for event in reversed(result.events) if event.kind == "merged"
@@ -103,15 +85,15 @@ def main() -> None:
     figure, panels = plt.subplots(3, 2, figsize=(10.5, 6.6))
 
     wrong = merged["bravo", "alpha"]
-    at = album.of("bravo", "after merge", wrong.merge_id)
+    at = memory.snapshot("bravo", "after merge", wrong.merge_id)
     axes = panels[0, 0]
     show(axes, truth["bravo"], walls(at), OWN)
     assert wrong.T_receiver_donor is not None
-    show(axes, truth["bravo"] @ wrong.T_receiver_donor, walls(latest(album, "alpha", at.stamp_ns)), DONOR)
+    show(axes, truth["bravo"] @ wrong.T_receiver_donor, walls(latest(memory, "alpha", at.stamp_ns)), DONOR)
     finish(axes, "bravo, a cloud (black), with alpha's grid (blue) in the wrong wing")
 
     undone = next(event for event in result.events if event.kind == "reverted" and event.receiver == "bravo")
-    at = album.of("bravo", "after revert", undone.merge_id)
+    at = memory.snapshot("bravo", "after revert", undone.merge_id)
     show(panels[0, 1], truth["bravo"], walls(at, fused=True), OWN)
     finish(panels[0, 1], "bravo after the revert: as if it had never been")
 

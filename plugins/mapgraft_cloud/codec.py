@@ -10,26 +10,20 @@ layers have equal bytes.
 from __future__ import annotations
 
 import json
-import struct
 from typing import Any, Final
 
 import numpy as np
-import zstandard
 from numpy.typing import NDArray
 
-from mapgraft.contracts import MapError
 from mapgraft_cloud.blocks import AXES, HITS, BlockPool, Blocks
 from mapgraft_cloud.kernels.block_keys import VOLUME, VOXEL_LIMIT
 from mapgraft_cloud.kernels.placing import STEPS
 from mapgraft_cloud.layer import FROM_CLOUDS, READY_MADE, CloudLayer
 from mapgraft_cloud.parameters import COARSEST_M, FINEST_M, MOST_LOOKS, SensorModel
 from mapgraft_cloud.region import corners_of
+from mapgraft_standard.frames import Frame
 
-_MAGIC: Final = b"MGCLOUD"
-_VERSION: Final = 1
-_LEVEL: Final = 3  # of zstd; part of the format, because it decides the bytes
-_MOST_BYTES: Final = 1 << 33  # of an unpacked layer
-_PIECE: Final = 1 << 12  # packed bytes that are unpacked at once
+_FRAME: Final = Frame("point cloud map", b"MGCLOUD", 1, 1 << 33)
 _TOGETHER: Final = 256  # blocks whose numbers stand together
 _MAPPERS: Final = ("", FROM_CLOUDS, READY_MADE)
 
@@ -47,7 +41,7 @@ def encode(layer: CloudLayer) -> bytes:
         "floors": layer.floors.rows(),
         "pools": [[model.l_hit, model.l_miss, int(keys.size)] for model, _, keys in pools],
     }
-    packer = zstandard.ZstdCompressor(level=_LEVEL, write_checksum=True).compressobj()
+    packer = _FRAME.packer().compressobj()
     packed = [packer.compress(json.dumps(header, sort_keys=True, ensure_ascii=True).encode() + b"\n")]
     for _, pool, keys in pools:
         packed.append(packer.compress(np.diff(keys, prepend=np.int64(0)).astype("<i8").tobytes()))
@@ -56,44 +50,20 @@ def encode(layer: CloudLayer) -> bytes:
             block, place = np.nonzero(blocks.counts[blocks.solid, HITS])
             packed.append(packer.compress(np.ascontiguousarray(blocks.sums[block, :, place].T, "<u4").tobytes()))
     packed.append(packer.flush())
-    return _MAGIC + struct.pack("<H", _VERSION) + b"".join(packed)
+    return _FRAME.head + b"".join(packed)
 
 
 def decode(data: bytes) -> CloudLayer:
     """The layer of these bytes; raises MapError when they are not exactly what ``encode`` makes."""
-    start = len(_MAGIC) + 2
-    if data[: len(_MAGIC)] != _MAGIC or len(data) < start:
-        raise MapError(f"an encoded point cloud map begins with {_MAGIC!r}, found {data[:9]!r}")
-    (version,) = struct.unpack_from("<H", data, len(_MAGIC))
-    if version != _VERSION:
-        raise MapError(
-            f"an encoded point cloud map of version {version} was found, this program reads {_VERSION}: update it"
-        )
-    body = _unpacked(data[start:])
+    body = _FRAME.unpacked(data)
     end = body.find(b"\n") + 1
     try:
         layer = _layer(json.loads(body[:end]), _Numbers(body, end))
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as fault:
-        raise MapError(f"an encoded point cloud map is damaged ({fault}): send it again") from fault
+        raise _FRAME.damaged(fault) from fault
     if encode(layer) != data:
-        raise MapError("an encoded point cloud map is damaged (its parts are not as written): send it again")
+        raise _FRAME.damaged("its parts are not as written")
     return layer
-
-
-def _unpacked(packed: bytes) -> bytearray:
-    """What the zstd frame holds, taking no more memory than it really unpacks to."""
-    unpacker = zstandard.ZstdDecompressor(max_window_size=1 << 27).decompressobj()
-    found = bytearray()
-    try:
-        for first in range(0, len(packed), _PIECE):
-            found += unpacker.decompress(packed[first : first + _PIECE])
-            if len(found) > _MOST_BYTES:
-                raise MapError(f"an encoded point cloud map unpacks to more than {_MOST_BYTES} bytes: damaged")
-    except zstandard.ZstdError as fault:
-        raise MapError(f"an encoded point cloud map is damaged ({fault}): send it again") from fault
-    if not unpacker.eof or unpacker.unused_data:
-        raise MapError("an encoded point cloud map is cut short or has something behind its end: send it again")
-    return found
 
 
 class _Numbers:

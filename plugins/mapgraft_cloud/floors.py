@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -45,18 +44,14 @@ class Floors:
         """
         from scipy.spatial import cKDTree
 
-        best: dict[tuple[int, int], tuple[int, int]] = {}
-        for x, y, height, sweeps in self._by_sweeps():
-            best.setdefault((x, y), (height, sweeps))
+        best: dict[tuple[int, int], int] = {}
+        for x, y, height in sorted(self.sweeps, key=lambda floor: (-self.sweeps[floor], floor[2])):
+            best.setdefault((x, y), height)
         places = np.array(sorted(best), np.int64)
-        heights = np.array([best[x, y][0] for x, y in places.tolist()], np.int64)
+        heights = np.array([best[x, y] for x, y in places.tolist()], np.int64)
         _, nearest = cKDTree(places).query(blocks)
         below: NDArray[np.int64] = heights[nearest]
         return below
-
-    def _by_sweeps(self) -> Iterator[tuple[int, int, int, int]]:
-        for x, y, height in sorted(self.sweeps, key=lambda floor: (-self.sweeps[floor], floor[2], floor)):
-            yield x, y, height, self.sweeps[x, y, height]
 
 
 def floor_beneath(

@@ -126,10 +126,10 @@ class SliceConversion:
         model = SensorModel(layer.sensor_model.l_hit, layer.sensor_model.l_miss)
         out = CloudLayer(target.resolution_m, model)
         out.observations, out.sensors, out.mapper = layer.observations, layer.sensors, FROM_CLOUDS
+        kind, lattice = _grid(source), Lattice(target.resolution_m)
         try:
-            told = _made_out(_grid(source), layer)
-            lattice, read = Lattice(target.resolution_m), _grid(source).thresholds
-            cells, counts = cells_of(placing.place(told, Transform.identity(), 1.0, lattice, read))
+            told = _made_out(kind, layer)
+            cells, counts = cells_of(placing.place(told, Transform.identity(), 1.0, lattice, kind.thresholds))
         except EmptyMapError:
             return out
         z = math.floor(self._height_m / target.resolution_m)

@@ -44,7 +44,6 @@ class Agreement(NamedTuple):
     added: int  # walls of the robot in rooms
     common: int  # walls of the plan on a wall of the robot or beside one
     outside: int  # free cells and walls of the robot beyond everything that is drawn
-    known: int  # all free cells and walls of the robot
     table: NDArray[np.int64]  # (5, 5) of all the robot's marked cells, by its mark and the plan's
 
 
@@ -68,6 +67,6 @@ def agreement(robot: Prepared, plan: Prepared, T: Transform, *, any_scale: bool 
     told = table * FACTORS
     rooms = float(told[1, 1])
     for_it = float(told[told > 0.0].sum()) - rooms
-    outside, known = int(beyond(robot, plan, T)[1:4].sum()), int(robot.mark_counts[1:4].sum())
+    outside = int(beyond(robot, plan, T)[1:4].sum())
     log_ratio = float(told.sum()) - (max(0.0, rooms - for_it) if any_scale else 0.0) - OUTSIDE * outside
-    return Agreement(log_ratio, free + common + beside, rows[1][2], rows[2][1], common, outside, known, table)
+    return Agreement(log_ratio, free + common + beside, rows[1][2], rows[2][1], common, outside, table)

@@ -13,21 +13,17 @@ import struct
 from typing import Any, Final
 
 import numpy as np
-import zstandard
 from numpy.typing import NDArray
 
-from mapgraft.contracts import MapError
 from mapgraft_grid.kernels.sketch import HIT, STEPS_PER_CELL
 from mapgraft_grid.kernels.tile_keys import KEY_BITS, TILE, tile_x, tile_y
 from mapgraft_grid.layer import FROM_SCANS, READY_MADE, GridLayer
 from mapgraft_grid.parameters import CELL_LIMIT, Lattice, SensorModel, TraceLimits
 from mapgraft_grid.tiles import Cell
 from mapgraft_grid.traces import Pose
+from mapgraft_standard.frames import Frame
 
-_MAGIC: Final = b"MGGRID"
-_VERSION: Final = 1
-_LEVEL: Final = 3  # of zstd; part of the format, because it decides the bytes
-_MOST_BYTES: Final = 1 << 29  # of an unpacked layer: 65 000 tiles of up to 255 looks
+_FRAME: Final = Frame("grid", b"MGGRID", 1, 1 << 29)  # 65 000 tiles of up to 255 looks
 _MOST_TRACES: Final = 4096  # rays or poses per tile
 _HEAD: Final = struct.Struct("<3d 2i 2I 3d Q 2B H")
 _POSE: Final = struct.Struct("<Q 3q")
@@ -37,43 +33,19 @@ _MAPPERS: Final = ("", FROM_SCANS, READY_MADE)
 
 def encode(layer: GridLayer) -> bytes:
     """Canonical bytes of a layer: equal evidence and traces give equal bytes, however they came together."""
-    packed = zstandard.ZstdCompressor(level=_LEVEL, write_checksum=True).compress(_payload(layer))
-    return _MAGIC + struct.pack("<H", _VERSION) + packed
+    return _FRAME.head + _FRAME.packer().compress(_payload(layer))
 
 
 def decode(data: bytes) -> GridLayer:
     """The layer of these bytes; raises MapError when they do not hold exactly what ``encode`` packs."""
-    start = len(_MAGIC) + 2
-    if data[: len(_MAGIC)] != _MAGIC or len(data) < start:
-        raise MapError(f"an encoded grid begins with {_MAGIC!r}, found {data[:8]!r}: these bytes are something else")
-    (version,) = struct.unpack_from("<H", data, len(_MAGIC))
-    if version != _VERSION:
-        raise MapError(f"an encoded grid of version {version} was found, this program reads {_VERSION}: update it")
-    payload = _unpacked(data[start:])
+    payload = bytes(_FRAME.unpacked(data))
     try:
         layer = _Reader(payload).layer()
     except (struct.error, ValueError, IndexError) as fault:
-        raise MapError(f"an encoded grid is damaged ({fault}): send it again") from fault
+        raise _FRAME.damaged(fault) from fault
     if _payload(layer) != payload:
-        raise MapError("an encoded grid is damaged (its parts are out of order or incomplete): send it again")
+        raise _FRAME.damaged("its parts are out of order or incomplete")
     return layer
-
-
-def _unpacked(packed: bytes) -> bytes:
-    """What the zstd frame holds, taking no more memory than it really unpacks to."""
-    unpacker = zstandard.ZstdDecompressor(max_window_size=1 << 27).decompressobj()
-    parts, size = [], 0
-    try:
-        for first in range(0, len(packed), 1 << 12):
-            parts.append(unpacker.decompress(packed[first : first + (1 << 12)]))
-            size += len(parts[-1])
-            if size > _MOST_BYTES:
-                raise MapError(f"an encoded grid unpacks to more than {_MOST_BYTES} bytes: it is damaged or too large")
-    except zstandard.ZstdError as fault:
-        raise MapError(f"an encoded grid is damaged ({fault}): send it again") from fault
-    if not unpacker.eof or unpacker.unused_data:
-        raise MapError("an encoded grid is cut short or has something behind its end: send it again")
-    return b"".join(parts)
 
 
 def _payload(layer: GridLayer) -> bytes:

@@ -10,14 +10,11 @@ from __future__ import annotations
 
 import json
 import math
-import struct
 from typing import Any, Final
 
 import numpy as np
-import zstandard
 from numpy.typing import NDArray
 
-from mapgraft.contracts import MapError
 from mapgraft_lines.kernels.keys import INDEX_BITS, SLOT_BITS, SLOTS
 from mapgraft_lines.layer import (
     CONVERTED,
@@ -31,11 +28,9 @@ from mapgraft_lines.layer import (
     W,
 )
 from mapgraft_lines.table import Counts, Table
+from mapgraft_standard.frames import Frame
 
-_MAGIC: Final = b"MGLINES"
-_VERSION: Final = 1
-_LEVEL: Final = 3  # of zstd; part of the format, because it decides the bytes
-_MOST_BYTES: Final = 1 << 32  # of an unpacked layer: 50 million rows
+_FRAME: Final = Frame("map of line segments", b"MGLINES", 1, 1 << 32)  # 50 million rows
 _MAPPERS: Final = ("", FROM_SCANS, READY_MADE, CONVERTED)
 _COLUMNS: Final = (PIECE_COLUMNS, SPACE_COLUMNS, PIECE_COLUMNS, SPACE_COLUMNS)
 _SLOT_MASK: Final = (1 << SLOT_BITS) - 1
@@ -55,45 +50,19 @@ def encode(layer: LineLayer) -> bytes:
     columns = [column for table in tables for column in (_steps(table.keys), *table.counts.T)]
     body = b"".join(np.ascontiguousarray(column, "<i8").tobytes() for column in columns)
     payload = json.dumps(header, sort_keys=True, ensure_ascii=True).encode() + b"\n" + body
-    packed = zstandard.ZstdCompressor(level=_LEVEL, write_checksum=True).compress(payload)
-    return _MAGIC + struct.pack("<H", _VERSION) + packed
+    return _FRAME.head + _FRAME.packer().compress(payload)
 
 
 def decode(data: bytes) -> LineLayer:
     """The layer of these bytes; raises MapError when they are not exactly what ``encode`` makes."""
-    start = len(_MAGIC) + 2
-    if data[: len(_MAGIC)] != _MAGIC or len(data) < start:
-        raise MapError(f"an encoded map of line segments begins with {_MAGIC!r}, found {data[:9]!r}")
-    (version,) = struct.unpack_from("<H", data, len(_MAGIC))
-    if version != _VERSION:
-        raise MapError(
-            f"an encoded map of line segments of version {version} was found, this program reads {_VERSION}: update it"
-        )
-    line, newline, body = _unpacked(data[start:]).partition(b"\n")
+    line, newline, body = bytes(_FRAME.unpacked(data)).partition(b"\n")
     try:
         layer = _layer(json.loads(line), body)
     except (ValueError, KeyError, TypeError, RecursionError) as fault:
-        raise MapError(f"an encoded map of line segments is damaged ({fault}): send it again") from fault
+        raise _FRAME.damaged(fault) from fault
     if not newline or encode(layer) != data:
-        raise MapError("an encoded map of line segments is damaged (its parts are not as written): send it again")
+        raise _FRAME.damaged("its parts are not as written")
     return layer
-
-
-def _unpacked(packed: bytes) -> bytes:
-    """What the zstd frame holds, taking no more memory than it really unpacks to."""
-    unpacker = zstandard.ZstdDecompressor(max_window_size=1 << 27).decompressobj()
-    parts, size = [], 0
-    try:
-        for first in range(0, len(packed), 1 << 12):
-            parts.append(unpacker.decompress(packed[first : first + (1 << 12)]))
-            size += len(parts[-1])
-            if size > _MOST_BYTES:
-                raise MapError(f"an encoded map of line segments unpacks to more than {_MOST_BYTES} bytes: damaged")
-    except zstandard.ZstdError as fault:
-        raise MapError(f"an encoded map of line segments is damaged ({fault}): send it again") from fault
-    if not unpacker.eof or unpacker.unused_data:
-        raise MapError("an encoded map of line segments is cut short or has something behind its end: send it again")
-    return b"".join(parts)
 
 
 def _layer(header: Any, body: bytes) -> LineLayer:

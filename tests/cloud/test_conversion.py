@@ -20,7 +20,7 @@ Observe = Callable[..., Observation]
 
 
 def classes_at(kind: OccupancyGrid, layer: object, points: list[tuple[float, float]]) -> list[int]:
-    dense = kind.view(layer).dense()  # type: ignore[arg-type]
+    dense = kind.view(layer).dense()
     found = []
     for x, y in points:
         column = int((x - dense.origin_m[0]) // dense.resolution_m)

@@ -165,7 +165,7 @@ def test_only_canonical_bytes_are_a_layer(drives: tuple[CloudLayer, CloudLayer])
 def test_a_small_message_cannot_take_much_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     from mapgraft_cloud import codec
 
-    monkeypatch.setattr(codec, "_MOST_BYTES", 1 << 20)
+    monkeypatch.setattr(codec, "_FRAME", codec._FRAME._replace(most_bytes=1 << 20))
     kind = PointCloud()
     bomb = repacked(kind.encode(kind.new_layer()), lambda _: bytes(1 << 28))
     assert len(bomb) < 20_000

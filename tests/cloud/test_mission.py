@@ -92,7 +92,7 @@ def with_scans(paths: list[Path], folder: Path) -> Path:
     for message in cloud_messages(made, "ada", first_place(made)):
         messages.append(message)
         if message.topic == "/ada/points":
-            head = {**message.fields["header"], "frame_id": "ada/lidar"}  # type: ignore[dict-item]
+            head = {**message.fields["header"], "frame_id": "ada/lidar"}
             scan = {
                 "header": head,
                 "angle_min": -1.0,

@@ -139,7 +139,7 @@ def test_what_is_no_cloud_is_refused(observe: Observe) -> None:
 )
 def test_impossible_parameters_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(ConfigError, match=next(iter(wrong))):
-        PointCloud(**wrong)  # type: ignore[arg-type]
+        PointCloud(**wrong)
 
 
 def test_memory_grows_with_what_was_looked_at_not_with_the_way_between(observe: Observe) -> None:

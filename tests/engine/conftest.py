@@ -10,8 +10,8 @@ import pytest
 
 from mapgraft.contracts import Meeting, Observation, Situation, Transform
 from mapgraft.decision import build_table
-from mapgraft.events import Event, Snapshot
 from mapgraft.history import History, Journal
+from mapgraft.outputs.memory_sink import MemorySink
 from mapgraft.persons import Hand
 from mapgraft.plugins import GROUP, Origin, Plugins, load_plugin, load_plugins
 from mapgraft.procedures import Workshop
@@ -21,23 +21,6 @@ from mapgraft.robot import Robot
 
 Hear = Callable[..., Observation]
 SECOND = 1_000_000_000
-
-
-class Memory:
-    """A sink that keeps everything."""
-
-    def __init__(self) -> None:
-        self.events: list[Event] = []
-        self.snapshots: list[Snapshot] = []
-
-    def observed(self, observation) -> None:
-        pass
-
-    def happened(self, event) -> None:
-        self.events.append(event)
-
-    def mapped(self, snapshot) -> None:
-        self.snapshots.append(snapshot)
 
 
 class At:
@@ -74,7 +57,7 @@ def play(plugins, hear):
     """Replays tuples (second, robot, places…) and gives back the memory and the robots."""
 
     def run(*observations, meet=(), reversal="ledger", hand=None, rules=None, spacing_m=1.0):
-        memory = Memory()
+        memory = MemorySink()
         history, workshop, table = History(memory), Workshop(plugins), build_table(plugins, rules)
         robots = {}
         for name in sorted({robot for _, robot, *_ in observations}):

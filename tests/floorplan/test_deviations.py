@@ -145,7 +145,7 @@ def test_maps_far_apart_are_not_measured(robot: tuple[OccupancyGrid, Layer], wal
 
 
 def event(kind: Literal["merged", "verified", "reverted"], measured: tuple[Measurement, ...], state: str) -> Event:
-    return Event(0, 0, kind, "r", "p", "r.p.1", state, measurements=measured)  # type: ignore[arg-type]
+    return Event(0, 0, kind, "r", "p", "r.p.1", state, measurements=measured)
 
 
 def test_findings_are_written_while_the_merge_stands(

@@ -123,4 +123,4 @@ def test_maps_without_walls_are_refused(robot_map: GridMap) -> None:
 @pytest.mark.parametrize("scale", ["maybe", [1.0], [2.0, 1.0], [0.0, 1.0], 3])
 def test_impossible_scales_are_refused(scale: object) -> None:
     with pytest.raises(ConfigError, match="scale"):
-        PlanCorrelation(scale=scale)  # type: ignore[arg-type]
+        PlanCorrelation(scale=scale)

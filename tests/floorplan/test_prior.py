@@ -40,7 +40,7 @@ def test_the_role_is_prior_and_nothing_is_stronger_than_its_bounds(
     made = fused_plan(grid, own, plan_layer)
     assert made.role == "prior"
     empty = grid.new_layer()
-    empty.lattice = own.lattice  # type: ignore[attr-defined]
+    empty.lattice = own.lattice
     log_odds = grid.view(empty, [made]).dense_over((-40, -40), (300, 380)).log_odds
     assert log_odds.max() == round(0.85 * 1024)
     assert log_odds.min() == -round(0.41 * 1024)

@@ -13,8 +13,9 @@ from rosbags.highlevel import AnyReader
 import mapgraft
 from mapgraft.cli import invoke
 from mapgraft.config import load_config
-from mapgraft.contracts import Observation, Transform
-from mapgraft.events import Event, Snapshot
+from mapgraft.contracts import Transform
+from mapgraft.events import Snapshot
+from mapgraft.outputs.memory_sink import MemorySink
 from mapgraft.outputs.report.rasters import FREE, OCCUPIED
 from mapgraft.outputs.report.scenes import Scenes
 from mapgraft_floorplan.svg_file import read as read_svg
@@ -35,22 +36,6 @@ ROOM: dict[str, Any] = {
         "furniture": [{"name": "table", "box": [2, 2, 1, 1]}],
     },
 }
-
-
-class Album:
-    """A sink that keeps all snapshots."""
-
-    def __init__(self) -> None:
-        self.snapshots: list[Snapshot] = []
-
-    def observed(self, observation: Observation) -> None:
-        pass
-
-    def happened(self, event: Event) -> None:
-        pass
-
-    def mapped(self, snapshot: Snapshot) -> None:
-        self.snapshots.append(snapshot)
 
 
 class Made(NamedTuple):
@@ -83,9 +68,9 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
     """The one run of the demo that all tests look at."""
     pytest.importorskip("svgelements", reason="needs the extra floorplan")
     files, config, expected_file = demo_files(NAME)
-    album, expected = Album(), read_outcome(expected_file)
-    result = mapgraft.run(files, config, tmp_path_factory.mktemp("run") / "out", sinks=[album])
-    return Ran(result, expected, judged(result.events, expected.T_world_map, NAME), album.snapshots)
+    memory, expected = MemorySink(), read_outcome(expected_file)
+    result = mapgraft.run(files, config, tmp_path_factory.mktemp("run") / "out", sinks=[memory])
+    return Ran(result, expected, judged(result.events, expected.T_world_map, NAME), memory.snapshots)
 
 
 def messages(path: Path) -> list[tuple[str, int, bytes]]:

@@ -128,7 +128,7 @@ class Bench:
         return self.settings.other_map_type or self.map_type
 
     def _converted(self, layer: Layer, source: MapType, target: MapType) -> Layer:
-        return layer if source.name == target.name else self._workshop.converter(source, target)(layer)
+        return self._workshop.converter(source, target)(layer)
 
     def _require_type(self) -> None:
         """Raises UsageError when what was asked for is not installed, and what its parameters raise."""

@@ -61,10 +61,8 @@ def placed_sketch(workshop: Workshop, a: ReadyMap, b: ReadyMap, T_a_b: Transform
 
 
 def in_type_of(workshop: Workshop, a: ReadyMap, b: ReadyMap) -> Layer | None:
-    own, other = a.map_type.name, b.map_type.name
-    if own == other:
-        return b.layer
-    if workshop.plugins.way(other, own) is None:
+    """b's layer in a's map type; None where no conversions lead there."""
+    if workshop.plugins.way(b.map_type.name, a.map_type.name) is None:
         return None
     return workshop.converter(b.map_type, a.map_type)(b.layer)
 
