@@ -2,7 +2,8 @@
 
 Run on demand: ``python tests/bench/bench_kill.py [--instants 200] [--seconds 900] [--jobs 1] [--keep FOLDER]``. The
 demo's robots drive their routes again and again for that long (of data time); two undisturbed runs, which have to be
-the same, tell what the others have to end with. Of the instants
+the same, tell what the others have to end with. With ``--keep`` the outcomes are written down as they come, and the
+same command goes on where it was ended. Of the instants
 
 * one half lies **inside a write** between the first event and the last one: the process itself counts what it does to
   the files of its folder, puts the first half of the bytes of the chosen write there, and kills itself (SIGKILL),
@@ -118,6 +119,11 @@ class Outcome:
     same: bool
     again_s: float
 
+    @classmethod
+    def of(cls, line: str) -> Outcome:
+        told = json.loads(line)
+        return cls(**(told | {"instant": Instant(**told["instant"])}))
+
 
 @dataclasses.dataclass(slots=True)
 class Bench:
@@ -129,6 +135,8 @@ class Bench:
 
     def try_at(self, number: int, instant: Instant) -> Outcome:
         out = self.folder / f"{number:03d}"
+        shutil.rmtree(out, ignore_errors=True)  # of an instant that was begun before, as was what it told
+        told_of(out).unlink(missing_ok=True)
         process = begin(self.recordings, out, instant.step)
         if instant.step is None:
             wait_for(told_of(out), instant.events, process)
@@ -218,7 +226,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=900.0, help="data time of the recording")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--keep", type=Path, help="keep everything there")
+    parser.add_argument("--keep", type=Path, help="keep everything there, and go on with what is there")
     parser.add_argument("--child", nargs="+", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.child:
@@ -234,22 +242,26 @@ def main() -> None:
 
 
 def look_on(folder: Path, given: argparse.Namespace) -> None:
-    recordings, reference = folder / "recordings", folder / "undisturbed"
-    record(recordings, given.seconds)
-    assert begin(recordings, folder / "first", None).wait(PATIENCE_S) == 0  # compiles the kernels where they are not
-    began_s = time.perf_counter()
-    assert begin(recordings, reference, None).wait(PATIENCE_S) == 0
-    run_s, told = time.perf_counter() - began_s, read_told(reference)
+    recordings, reference, written = folder / "recordings", folder / "undisturbed", folder / "outcomes.jsonl"
+    if not (folder / "run_s").exists():
+        record(recordings, given.seconds)
+        assert begin(recordings, folder / "first", None).wait(PATIENCE_S) == 0  # compiles the kernels where needed
+        began_s = time.perf_counter()
+        assert begin(recordings, reference, None).wait(PATIENCE_S) == 0
+        (folder / "run_s").write_text(str(time.perf_counter() - began_s))
+    run_s, told = float((folder / "run_s").read_text()), read_told(reference)
     kinds = json.loads((folder / "undisturbed.steps").read_text())
     (events,) = readable(reference)
     print(f"undisturbed: {run_s:.0f} s, {len(events)} events, {len(kinds)} steps, {kinds.count(WRITE)} of them writes")
     bench = Bench(recordings, folder, reference, events, contents(reference))
     assert contents(folder / "first") == bench.files
     instants = choose(given.instants, kinds, told, given.seed)
-    with ThreadPoolExecutor(given.jobs) as pool:
-        outcomes = []
-        for outcome in pool.map(bench.try_at, range(len(instants)), instants):
+    outcomes = [Outcome.of(line) for line in written.read_text().splitlines()] if written.exists() else []
+    left = range(len(outcomes), len(instants))
+    with ThreadPoolExecutor(given.jobs) as pool, written.open("a") as file:
+        for outcome in pool.map(bench.try_at, left, instants[left.start :]):
             outcomes.append(outcome)
+            print(json.dumps(dataclasses.asdict(outcome)), file=file, flush=True)
             if outcome.lost or not outcome.same or not outcome.killed:
                 print(f"  {len(outcomes) - 1}: {outcome}")
     tell(outcomes, run_s)
