@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import struct
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,8 @@ from mapgraft_grid.kernels.sketch import HIT, STEPS_PER_CELL
 from mapgraft_grid.kernels.tile_keys import KEY_BITS, TILE, tile_x, tile_y
 from mapgraft_grid.layer import FROM_SCANS, READY_MADE, GridLayer
 from mapgraft_grid.parameters import CELL_LIMIT, Lattice, SensorModel, TraceLimits
-from mapgraft_grid.tiles import Cell
-from mapgraft_grid.traces import Pose
+from mapgraft_grid.tiles import Cell, TileKeys
+from mapgraft_grid.traces import Pose, RayRows
 from mapgraft_standard.frames import Frame
 
 _FRAME: Final = Frame("grid", b"MGGRID", 1, 1 << 29)  # 65 000 tiles of up to 255 looks
@@ -33,59 +33,92 @@ _MAPPERS: Final = ("", FROM_SCANS, READY_MADE)
 
 def encode(layer: GridLayer) -> bytes:
     """Canonical bytes of a layer: equal evidence and traces give equal bytes, however they came together."""
-    return _FRAME.head + _FRAME.packer().compress(_payload(layer))
+    return _FRAME.head + _FRAME.packer().compress(content_of(layer).payload())
 
 
 def decode(data: bytes) -> GridLayer:
     """The layer of these bytes; raises MapError when they do not hold exactly what ``encode`` packs."""
-    payload = bytes(_FRAME.unpacked(data))
+    return _layer(bytes(_FRAME.unpacked(data)))
+
+
+def _layer(payload: bytes) -> GridLayer:
     try:
         layer = _Reader(payload).layer()
     except (struct.error, ValueError, IndexError) as fault:
         raise _FRAME.damaged(fault) from fault
-    if _payload(layer) != payload:
+    if content_of(layer).payload() != payload:
         raise _FRAME.damaged("its parts are out of order or incomplete")
     return layer
 
 
-def _payload(layer: GridLayer) -> bytes:
-    lattice, model, limits = layer.lattice, layer.sensor_model, layer.traces.limits
-    names = [name.encode() for name in sorted(layer.sensors)]
+class Content(NamedTuple):
+    """What there is to say about a layer, each array in its canonical order.
+
+    ``head`` holds the parameters, the last pose and the sensors' names; ``keys`` (k,) with ``hits`` and ``misses``
+    (k, 64, 64) the tiles that were counted, ``baked_keys`` (b,) with ``baked`` (b, 64, 64) those with absorbed
+    evidence; ``ray_keys`` (n,) with ``rays`` (n, 5); ``poses`` (p, 4) in the order driven.
+    """
+
+    head: bytes
+    keys: TileKeys
+    hits: NDArray[np.uint32]
+    misses: NDArray[np.uint32]
+    baked_keys: TileKeys
+    baked: NDArray[np.int32]
+    ray_keys: TileKeys
+    rays: RayRows
+    poses: NDArray[np.int64]
+
+    def payload(self) -> bytes:
+        """All of it as ``encode`` packs it."""
+        arrays = (self.keys, _smallest(self.hits), _smallest(self.misses), *self[4:])
+        return self.head + b"".join(_array(array) for array in arrays)
+
+    def layer(self) -> GridLayer:
+        """The layer with this content; raises MapError when there is none."""
+        return _layer(self.payload())
+
+
+def content_of(layer: GridLayer) -> Content:
+    """All that makes a layer what it is, without tiles that hold no evidence."""
     keys = np.sort(layer.pool.index.keys)
     hits, misses = layer.pool.counts(keys)
     of = layer.pool.absorbed.of[layer.pool.index.find(keys)]
     baked = np.zeros(keys.size, np.bool_)
     baked[of >= 0] = layer.pool.absorbed.tiles[of[of >= 0]].any(axis=(1, 2))
     counted = (hits | misses).any(axis=(1, 2))
-    ray_keys, rays = layer.traces.ray_rows()
-    parts = [
-        _HEAD.pack(
-            lattice.resolution_m,
-            *lattice.anchor_m,
-            model.l_hit,
-            model.l_miss,
-            limits.rays_per_tile,
-            limits.poses_per_tile,
-            limits.beam_step_rad,
-            limits.path_step_m,
-            limits.path_step_rad,
-            layer.observations,
-            _MAPPERS.index(layer.mapper),
-            layer.traces.last is not None,
-            len(names),
-        ),
-        _POSE.pack(*layer.traces.last) if layer.traces.last else b"",
-        *(struct.pack("<H", len(name)) + name for name in names),
-        _array(keys[counted]),
-        _array(_smallest(hits[counted])),
-        _array(_smallest(misses[counted])),
-        _array(keys[baked]),
-        _array(layer.pool.absorbed.tiles[of[baked]]),
-        _array(ray_keys),
-        _array(rays),
-        _array(np.array(layer.traces.poses(), np.int64).reshape(-1, 4)),
-    ]
-    return b"".join(parts)
+    return Content(
+        _head(layer),
+        keys[counted],
+        hits[counted],
+        misses[counted],
+        keys[baked],
+        layer.pool.absorbed.tiles[of[baked]],
+        *layer.traces.ray_rows(),
+        np.array(layer.traces.poses(), np.int64).reshape(-1, 4),
+    )
+
+
+def _head(layer: GridLayer) -> bytes:
+    lattice, model, limits = layer.lattice, layer.sensor_model, layer.traces.limits
+    names = [name.encode() for name in sorted(layer.sensors)]
+    parameters = _HEAD.pack(
+        lattice.resolution_m,
+        *lattice.anchor_m,
+        model.l_hit,
+        model.l_miss,
+        limits.rays_per_tile,
+        limits.poses_per_tile,
+        limits.beam_step_rad,
+        limits.path_step_m,
+        limits.path_step_rad,
+        layer.observations,
+        _MAPPERS.index(layer.mapper),
+        layer.traces.last is not None,
+        len(names),
+    )
+    last = _POSE.pack(*layer.traces.last) if layer.traces.last else b""
+    return parameters + last + b"".join(struct.pack("<H", len(name)) + name for name in names)
 
 
 def _smallest(counts: NDArray[np.uint32]) -> NDArray[np.unsignedinteger]:

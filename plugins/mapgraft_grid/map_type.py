@@ -27,7 +27,7 @@ from mapgraft.contracts import (
     Scan,
     Transform,
 )
-from mapgraft_grid import baking, codec, map_server, observing, placing, views
+from mapgraft_grid import baking, codec, cutting, map_server, observing, placing, views
 from mapgraft_grid.foreign import Applications
 from mapgraft_grid.grid_map import GridMap
 from mapgraft_grid.layer import NAME, GridLayer
@@ -194,6 +194,17 @@ class OccupancyGrid:
 
     def decode(self, data: bytes) -> GridLayer:
         return codec.decode(data)
+
+    def parts(self, layer: Layer) -> Mapping[bytes, bytes]:
+        """By tile: counts, what was baked in, rays, poses; and once what there is to say of all."""
+        return cutting.cut(_grid(layer))
+
+    def join(self, parts: Mapping[bytes, bytes]) -> GridLayer:
+        return cutting.join(parts)
+
+    def preview(self, layer: Layer) -> GridLayer:
+        """What this instance sees in the layer: one look at every known cell, without beams and poses."""
+        return cutting.preview(_grid(layer), self.view(layer))
 
     def metadata(self, layer: Layer) -> MapMetadata:
         grid = _grid(layer)

@@ -273,6 +273,39 @@ class MapType(Protocol):
         ...
 
 
+@runtime_checkable
+class PartedType(Protocol):
+    """A map type whose layers travel in parts, so that only those are sent that have changed.
+
+    Layers of every other type travel as one part, which ``encode`` makes.
+    """
+
+    def parts(self, layer: Layer) -> Mapping[bytes, bytes]:
+        """The layer cut into parts (tiles, blocks, …) by names of at most 64 bytes; equal layers have equal parts.
+
+        What has not changed of a layer makes the same bytes under the same name. They are not compressed: whoever sends
+        them does that, against what the other has.
+        """
+        ...
+
+    def join(self, parts: Mapping[bytes, bytes]) -> Layer:
+        """The inverse of ``parts``: a live layer; its encoding is that of the layer that was cut.
+
+        Raises MapError when these are not the parts of a layer.
+        """
+        ...
+
+
+@runtime_checkable
+class PreviewedType(Protocol):
+    """A map type that can tell in few bytes what a map looks like, for others to find out whether it is of use."""
+
+    def preview(self, layer: Layer) -> Layer:
+        """A layer whose view knows the same units as the layer's own, and says the same of each, but no more: not how
+        often it was seen, nor what was seen from where."""
+        ...
+
+
 class Conversion(Protocol):
     """Turns a layer of one type into a layer of another; counts survive, not only classes.
 
