@@ -1,0 +1,233 @@
+"""Loops of merges: walking around one must lead back to where it began, within what the merges are sure of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapgraft.graph.chains import Similarity
+from mapgraft.graph.claims import Claim, Source
+
+LONGEST: Final = 9  # claims in one loop
+PER_LINK: Final = 6  # loops in which one pair of sources is looked at, the shortest ones
+_STEPS: Final = 2000  # of the search for loops through one pair
+_PLANAR: Final = [0, 1, 5]
+_FULL_EXPANSION: Final = 3  # sources: in longer loops claims about the same pair take turns, one pair at a time
+
+Links = Mapping[Source, Mapping[Source, Sequence[Claim]]]
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """How far a loop may fail to close.
+
+    Residuals are held against the composed covariance of the claims: stated standard deviations times ``sigmas`` (they
+    are too sure by about as much), plus ``floor_m`` and ``floor_rad`` per claim for what cells and bent maps hide;
+    ``unknown_m`` and ``unknown_rad`` where a claim has none. ``chi2`` are the quantiles of the squared Mahalanobis
+    distance that are allowed, by degrees of freedom (.999). Whatever the covariance, no residual may be more than
+    ``cap_m`` or ``cap_rad``, nor scales differ by more than ``cap_scale``.
+    """
+
+    sigmas: float = 3.0
+    floor_m: float = 0.1
+    floor_rad: float = 0.01
+    unknown_m: float = 0.3
+    unknown_rad: float = 0.05
+    chi2: tuple[tuple[int, float], ...] = ((3, 16.266), (6, 22.458))
+    cap_m: float = 2.0
+    cap_rad: float = math.radians(15.0)
+    cap_scale: float = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """Claims that lead around, from ``sources[0]`` through all others and back to it.
+
+    ``shift_m`` and ``turn_rad`` are by how much it fails to close, ``mahalanobis2`` the same against what it may, with
+    ``limit``.
+    """
+
+    sources: tuple[Source, ...]
+    claims: tuple[Claim, ...]
+    shift_m: float
+    turn_rad: float
+    mahalanobis2: float
+    limit: float
+    consistent: bool
+
+
+def find_loops(claims: Iterable[Claim], tolerance: Tolerance | None = None) -> tuple[Loop, ...]:
+    """The short loops of claims that stand, each with its residual, in an order of names.
+
+    Two claims about the same two sources, from either side, are a loop of two. Of longer ones those without a chord are
+    taken, for each pair of sources the shortest few, so that every claim that lies in a loop of at most ``LONGEST`` is
+    in one of these.
+    """
+    links = _links(claims)
+    walks = [walk for cycle in _cycles(links) for walk in _walks(cycle, links)]
+    return _measured(walks, tolerance or Tolerance())
+
+
+def _links(claims: Iterable[Claim]) -> Links:
+    out: dict[Source, dict[Source, list[Claim]]] = {}
+    for claim in sorted((one for one in claims if one.is_active), key=lambda one: one.edge):
+        for here, there in (claim.edge, claim.edge[::-1]):
+            out.setdefault(here, {}).setdefault(there, []).append(claim)
+    return {here: dict(sorted(out[here].items())) for here in sorted(out)}
+
+
+def _cycles(links: Links) -> list[tuple[Source, ...]]:
+    """Cycles of sources, pairs among them, each once, beginning with its first by name."""
+    found: set[tuple[Source, ...]] = set()
+    for here, others in links.items():
+        for there, told in others.items():
+            if here < there:
+                if len(told) > 1:
+                    found.add((here, there))
+                found.update(_canonical(path) for path in _around(here, there, links))
+    return sorted(found, key=lambda cycle: (len(cycle), cycle))
+
+
+def _around(start: Source, end: Source, links: Links) -> list[tuple[Source, ...]]:
+    """The shortest ways from one source to its neighbour that avoid their own link and have no chord."""
+    found: list[tuple[Source, ...]] = []
+    left = [_STEPS]
+    for length in range(2, LONGEST):
+        found += _paths((start,), end, length, links, left)
+        if len(found) >= PER_LINK or left[0] <= 0:
+            break
+    return found[:PER_LINK]
+
+
+def _paths(
+    path: tuple[Source, ...], end: Source, length: int, links: Links, left: list[int]
+) -> Iterator[tuple[Source, ...]]:
+    """Ways of exactly ``length`` links whose sources are neighbours only where they follow each other."""
+    here = path[-1]
+    if length == 1:
+        if end in links[here]:
+            yield (*path, end)
+        return
+    for there in links[here]:
+        left[0] -= 1
+        if left[0] <= 0:
+            return
+        if there == end or there in path or any(there in links[before] for before in path[:-1]):
+            continue
+        if length > 2 and there in links[end]:  # a chord to the end
+            continue
+        yield from _paths((*path, there), end, length - 1, links, left)
+
+
+def _canonical(cycle: tuple[Source, ...]) -> tuple[Source, ...]:
+    """Beginning with the first by name, then towards the smaller of its two neighbours."""
+    at = cycle.index(min(cycle))
+    turned = cycle[at:] + cycle[:at]
+    return turned if turned[1] < turned[-1] else (turned[0], *turned[:0:-1])
+
+
+def _walks(cycle: tuple[Source, ...], links: Links) -> Iterator[tuple[tuple[Source, ...], tuple[Claim, ...]]]:
+    """The cycle by every claim: all combinations where it is short, else one pair's other claim at a time."""
+    if len(cycle) == 2:
+        told = links[cycle[0]][cycle[1]]
+        yield cycle, (told[0], told[1])
+        return
+    choices = [links[here][there] for here, there in zip(cycle, (*cycle[1:], cycle[0]), strict=True)]
+    if len(cycle) <= _FULL_EXPANSION:
+        for chosen in product(*choices):
+            yield cycle, chosen
+        return
+    best = tuple(max(told, key=lambda claim: claim.support) for told in choices)
+    yield cycle, best
+    for at, told in enumerate(choices):
+        for other in told:
+            if other is not best[at]:
+                yield cycle, (*best[:at], other, *best[at + 1 :])
+
+
+def _measured(walks: Sequence[tuple[tuple[Source, ...], tuple[Claim, ...]]], tolerance: Tolerance) -> tuple[Loop, ...]:
+    """All loops of one length at once: composing one by one would cost a hundred times as much."""
+    sides: dict[tuple[Source, bytes], Similarity] = {}
+    loops: list[Loop | None] = [None] * len(walks)
+    for length in sorted({len(claims) for _, claims in walks}):
+        chosen = [n for n, (_, claims) in enumerate(walks) if len(claims) == length]
+        steps = [[_side(here, claim, sides, tolerance) for here, claim in zip(*walks[n], strict=True)] for n in chosen]
+        for n, loop in zip(chosen, _closed([walks[n] for n in chosen], steps, tolerance), strict=True):
+            loops[n] = loop
+    return tuple(loop for loop in loops if loop is not None)
+
+
+def _side(
+    here: Source, claim: Claim, known: dict[tuple[Source, bytes], Similarity], tolerance: Tolerance
+) -> Similarity:
+    """A claim seen from one end, with the covariance that it is held against."""
+    key = (here, claim.data)
+    if key not in known:
+        floor = np.diag([tolerance.floor_m**2] * 3 + [tolerance.floor_rad**2] * 3)
+        unknown = np.diag([tolerance.unknown_m**2] * 3 + [tolerance.unknown_rad**2] * 3)
+        stated = unknown if claim.covariance is None else tolerance.sigmas**2 * claim.covariance
+        whole = Similarity(claim.T_receiver_donor, claim.scale, stated + floor)
+        known[key] = whole if claim.receiver == here else whole.inverse()
+    return known[key]
+
+
+def _closed(
+    walks: Sequence[tuple[tuple[Source, ...], tuple[Claim, ...]]],
+    steps: Sequence[Sequence[Similarity]],
+    tolerance: Tolerance,
+) -> Iterator[Loop]:
+    """Compose loops of one length, (n, 4, 4) and (n, 6, 6) at a time, and hold them against the identity."""
+    T = np.array([[step.T_target_source.matrix for step in walk] for walk in steps])
+    scale = np.array([[step.scale for step in walk] for walk in steps])
+    sigma = np.array([[step.covariance for step in walk] for walk in steps])
+    whole, size, covariance = T[:, 0], scale[:, 0], sigma[:, 0]
+    for at in range(1, T.shape[1]):
+        covariance = _compounded(whole, size, covariance, T[:, at], sigma[:, at])
+        shift = whole[:, :3, :3] @ (size[:, None] * T[:, at, :3, 3])[..., None]
+        turned = whole[:, :3, :3] @ T[:, at, :3, :3]
+        whole = whole.copy()
+        whole[:, :3, 3] += shift[..., 0]
+        whole[:, :3, :3] = turned
+        size = size * scale[:, at]
+    residual = np.concatenate((whole[:, :3, 3], _turns(whole[:, :3, :3])), axis=1)
+    planar = bool((T[:, :, 2, :2] == 0.0).all() and (T[:, :, 2, 3] == 0.0).all())
+    used = _PLANAR if planar else list(range(6))
+    picked, held = residual[:, used], covariance[:, used][:, :, used]
+    distance2 = np.einsum("ni,ni->n", picked, np.linalg.solve(held, picked[..., None])[..., 0])
+    limit = dict(tolerance.chi2)[len(used)]
+    for n, (sources, claims) in enumerate(walks):
+        shift_m, turn_rad = float(np.linalg.norm(residual[n, :3])), float(np.linalg.norm(residual[n, 3:]))
+        within = shift_m <= tolerance.cap_m and turn_rad <= tolerance.cap_rad
+        within = within and abs(math.log(float(size[n]))) <= tolerance.cap_scale
+        d2 = float(distance2[n])
+        yield Loop(sources, claims, shift_m, turn_rad, d2, limit, within and d2 <= limit)
+
+
+def _compounded(whole: Floats, size: Floats, covariance: Floats, T: Floats, sigma: Floats) -> Floats:
+    """As Similarity.then does it, for many at once."""
+    count = len(whole)
+    R = whole[:, :3, :3]
+    lever = (R @ (size[:, None] * T[:, :3, 3])[..., None])[..., 0]
+    outer, inner = np.tile(np.eye(6), (count, 1, 1)), np.zeros((count, 6, 6))
+    outer[:, 0, 4], outer[:, 0, 5] = lever[:, 2], -lever[:, 1]
+    outer[:, 1, 3], outer[:, 1, 5] = -lever[:, 2], lever[:, 0]
+    outer[:, 2, 3], outer[:, 2, 4] = lever[:, 1], -lever[:, 0]
+    inner[:, :3, :3] = size[:, None, None] * R
+    inner[:, 3:, 3:] = R
+    out: Floats = outer @ covariance @ outer.transpose(0, 2, 1) + inner @ sigma @ inner.transpose(0, 2, 1)
+    return out
+
+
+def _turns(R: Floats) -> Floats:
+    """Rotation vectors (n, 3) of rotations (n, 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    out: Floats = Rotation.from_matrix(R).as_rotvec()
+    return out
