@@ -99,7 +99,7 @@ class _Search:
         for mask, count in self.closed:
             hit = mask & wrong
             if hit and not hit & (hit - 1):
-                touching.update({at: count for at in _bits(mask & undecided)})
+                touching.update(dict.fromkeys(_bits(mask & undecided), count))
         gain = self.problem.by_chance - self.problem.by_alias
         worth = [at for at, count in touching.items() if count * gain > self.problem.costs[at]]
         if not worth:
@@ -123,7 +123,7 @@ class _Search:
             return min(alone).bit_length() - 1
         hits = Counter[int]()
         for mask, count in unhit:
-            hits.update({at: count for at in _bits(mask)})
+            hits.update(dict.fromkeys(_bits(mask), count))
         return max(hits, key=lambda at: (hits[at] / self.problem.costs[at], -at))
 
 

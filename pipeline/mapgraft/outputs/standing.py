@@ -10,6 +10,7 @@ import numpy as np
 
 from mapgraft.contracts import Covariance, Transform
 from mapgraft.events import STANDING, Event
+from mapgraft.graph.chains import Similarity
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,49 +135,15 @@ def _changed(known: StandingMerge, event: Event) -> StandingMerge:
 
 
 def _extended(chain: Chain, merge: StandingMerge, forward: bool) -> Chain:
-    T, scale, covariance = merge.T_receiver_donor, merge.scale, merge.covariance
-    if not forward:
-        T, scale, covariance = _inverted(T, scale, covariance)
-    out = chain.T_target_source.matrix @ T.matrix
-    out[:3, 3] = chain.T_target_source.apply(chain.scale * T.matrix[None, :3, 3])[0]
+    step = Similarity(merge.T_receiver_donor, merge.scale, merge.covariance)
+    so_far = Similarity(chain.T_target_source, chain.scale, chain.covariance)
+    whole = so_far.then(step if forward else step.inverse())
     return Chain(
         chain.target,
         merge.donor if forward else merge.receiver,
-        Transform(out),
-        chain.scale * scale,
-        _compounded(chain, T, covariance),
+        whole.T_target_source,
+        whole.scale,
+        whole.covariance,
         (*chain.merges, merge.merge_id),
         "confirmed" if chain.state == merge.state == "confirmed" else "provisional",
     )
-
-
-def _inverted(T: Transform, scale: float, covariance: Covariance | None) -> tuple[Transform, float, Covariance | None]:
-    """The similarity p_b = T (s p_a) seen the other way round, its covariance to first order."""
-    inverse = T.inverse()
-    matrix = inverse.matrix.copy()
-    matrix[:3, 3] /= scale
-    if covariance is None:
-        return Transform(matrix), 1.0 / scale, None
-    R = inverse.matrix[:3, :3]
-    J = np.zeros((6, 6))
-    J[:3, :3] = -R / scale
-    J[:3, 3:] = -R @ _cross(T.matrix[:3, 3]) / scale
-    J[3:, 3:] = -R
-    return Transform(matrix), 1.0 / scale, J @ covariance @ J.T
-
-
-def _compounded(chain: Chain, T: Transform, covariance: Covariance | None) -> Covariance | None:
-    """Covariance of chain ∘ T, to first order, with rotations as small turns about the axes of the target's frame."""
-    if chain.covariance is None or covariance is None:
-        return None
-    R = chain.T_target_source.matrix[:3, :3]
-    outer, inner = np.eye(6), np.zeros((6, 6))
-    outer[:3, 3:] = -_cross(chain.scale * R @ T.matrix[:3, 3])
-    inner[:3, :3] = chain.scale * R
-    inner[3:, 3:] = R
-    out: Covariance = outer @ chain.covariance @ outer.T + inner @ covariance @ inner.T
-    return out
-
-
-def _cross(v: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> Covariance:
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
