@@ -72,8 +72,8 @@ def preview(layer: GridLayer, seen: GridMap) -> GridLayer:
 
 
 def _planes(hits: NDArray[np.uint32], misses: NDArray[np.uint32]) -> bytes:
+    used = (int(max(hits.max(), misses.max())).bit_length() + 7) // 8
     both = np.stack((hits, misses)).astype("<u4").view(np.uint8).reshape(2, _CELLS, 4)
-    used = 1 + int(np.flatnonzero(both.any(axis=(0, 1)))[-1])
     return both[:, :, :used].transpose(2, 0, 1).tobytes()
 
 

@@ -1,0 +1,378 @@
+"""One robot on the network: what it says on contact, what it does with what it hears, and what it asks again."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final, Literal, NamedTuple, Protocol
+
+from mapgraft.contracts import MapError
+from mapgraft.errors import PluginError
+from mapgraft.exchange import Offer
+from mapgraft.graph.claims import Claims, Source
+from mapgraft.network.gossip import Gossip
+from mapgraft.network.replica import Replica, Whole
+from mapgraft.network.wire import (
+    Aspect,
+    Copy,
+    Form,
+    Head,
+    Hello,
+    Message,
+    Namesake,
+    Parts,
+    Summary,
+    Told,
+    Want,
+    decode,
+)
+
+MOST_TRIES: Final = 10  # times that the same is asked for in one contact
+MOST_PEERS: Final = 4096
+
+Wish = Literal["layer", "preview", "nothing"]
+
+
+class Host(Protocol):
+    """What a node asks of its robot. Whatever it raises ends the robot's part, and comes through."""
+
+    @property
+    def claims(self) -> Claims: ...
+    def offer(self) -> bytes:
+        """What there is to tell of the robot's map (``mapgraft.exchange.Offer``), its source and version in it."""
+        ...
+
+    def cut(self, aspect: Aspect) -> tuple[Form, Mapping[bytes, bytes]]:
+        """The offered layer, or its preview, as it travels."""
+        ...
+
+    def wants(self, offer: bytes, size: int, stamp_ns: int) -> Wish:
+        """What is wanted of a map that is offered; ``size`` is how many bytes told of it."""
+        ...
+
+    def consider(self, whole: Whole, aspect: Aspect, size: int, stamp_ns: int) -> Wish:
+        """A layer or preview that was wanted is here, for so many bytes; says what is wanted now of that source."""
+        ...
+
+    def refused(self, offer: bytes, reason: str, stamp_ns: int) -> None:
+        """A layer or preview that was wanted cannot be had."""
+        ...
+
+    def heard(self, stamp_ns: int) -> None:
+        """Claims, or layers of third robots, have changed."""
+        ...
+
+    def lacks(self) -> Collection[Source]:
+        """The third robots whose layers are of use: of those whatever is newer than what is held is asked for."""
+        ...
+
+    def renamed(self, source: Source) -> None:
+        """Another robot of the same name has it by right: this one is another source from now on."""
+        ...
+
+
+class Outgoing(NamedTuple):
+    """A message to be sent."""
+
+    receiver: str
+    message: Message
+
+
+@dataclass(slots=True)
+class Peer:
+    """Who was met: which source it is, who writes it, what it offered, and when that was."""
+
+    source: Source
+    writer: bytes
+    offer: bytes
+    version: int
+    heard_ns: int
+
+
+@dataclass(slots=True)
+class Question:
+    """Something that was asked for and has not come: from whom, when, how often, and what of it is here.
+
+    ``offer`` is that of a direct offer, empty where a third robot's layer is asked for. ``size`` counts the bytes that
+    have come.
+    """
+
+    peer: str
+    asked_ns: int
+    offer: bytes = b""
+    tries: int = 1
+    size: int = 0
+    came: set[int] = field(default_factory=set)
+    version: int = 0
+    plain: bool = False
+
+
+@dataclass(slots=True)
+class Node:
+    """One robot's part in all conversations. It holds no clock: everything is said at a time of data.
+
+    ``patience_ns`` is how long it waits for an answer before it asks again.
+    """
+
+    source: Source
+    writer: bytes
+    host: Host
+    patience_ns: int = 0
+    replica: Replica = field(default_factory=Replica)
+    peers: dict[str, Peer] = field(default_factory=dict)
+    outbox: list[Outgoing] = field(default_factory=list)
+    wake_ns: int | None = None
+    unreadable: int = 0  # messages
+    namesakes: set[Source] = field(default_factory=set)  # sources of which two robots say that they are it
+    _questions: dict[Copy, Question] = field(default_factory=dict)
+    _asked: dict[tuple[Copy, str], int] = field(default_factory=dict)  # since which hello of that peer
+    gossip: Gossip = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.gossip = Gossip(self.host.claims)
+
+    def greeting(self, peer: str) -> Hello:
+        """What to say to a peer on contact; raises what the robot's map type raises."""
+        known = self.peers.get(peer)
+        own, others, news = self.gossip.hello(peer, self.source, known.source if known else None)
+        return Hello(self.writer, self.host.offer(), own, others, news)
+
+    def hear(self, sender: str, data: bytes, now_ns: int) -> None:
+        """Take in one message; what is to be said is in the outbox then. What cannot be read is counted."""
+        try:
+            message = _message(data)
+            match message:
+                case Hello():
+                    self._greeted(sender, message, len(data), now_ns)
+                case Summary():
+                    self._say(sender, *self.gossip.answer(message))
+                case Told():
+                    self._learn(message.claims, now_ns)
+                case Want():
+                    self._asked_for(sender, message)
+                case Parts():
+                    self._came(sender, message, len(data), now_ns)
+                case Namesake():
+                    self._named_alike(message.source, message.writer)
+        except UnreadableError:
+            self.unreadable += 1
+
+    def settle(self, now_ns: int, neighbours: Sequence[str]) -> bool:
+        """When nothing more comes: ask again for what is overdue, ask others for third robots' layers, and tell news.
+
+        Returns whether there was anything to say.
+        """
+        before = len(self.outbox)
+        self.wake_ns = None
+        here = [peer for peer in neighbours if peer in self.peers]
+        self._ask_again(now_ns, here)
+        for source in sorted(self.host.lacks()):
+            self._ask_for(source, now_ns, here)
+        for peer in here:
+            while self.gossip.has_news_for(peer):
+                self._say(peer, Told(self.gossip.news_for(peer)))
+        if self._questions:
+            self._wake(now_ns + self.patience_ns)
+        return len(self.outbox) > before
+
+    def said(self) -> list[Outgoing]:
+        """Empty the outbox."""
+        told, self.outbox = self.outbox, []
+        return told
+
+    def _greeted(self, sender: str, hello: Hello, size: int, now_ns: int) -> None:
+        offer = _offer(hello.offer)
+        source = Source(offer.provenance.source, offer.provenance.epoch)
+        if self._is_namesake(sender, source, hello.writer):
+            return
+        if sender not in self.peers and len(self.peers) >= MOST_PEERS:
+            return
+        self.peers[sender] = Peer(source, hello.writer, hello.offer, offer.provenance.version, now_ns)
+        self._learn(hello.claims, now_ns)
+        self._say(sender, *self.gossip.heard(sender, source, hello))
+        wish = self.host.wants(hello.offer, size, now_ns)
+        self._wake(now_ns + self.patience_ns)
+        if wish != "nothing":
+            self._get(Copy(source, wish), sender, hello.offer, now_ns)
+
+    def _get(self, copy: Copy, sender: str, offer: bytes, now_ns: int) -> None:
+        """Consider what is held already where it is as new as the offer, else ask for it."""
+        if self.replica.version(copy) >= _offer(offer).provenance.version:
+            self._consider(copy, Question(sender, now_ns, offer), now_ns)
+            return
+        question = self._questions.get(copy)
+        if question is not None and question.offer and now_ns < question.asked_ns + self.patience_ns:
+            question.offer = offer  # it is on its way already
+            return
+        self._ask(copy, sender, now_ns, offer)
+
+    def _ask(self, copy: Copy, peer: str, now_ns: int, offer: bytes = b"") -> None:
+        self._questions[copy] = Question(peer, now_ns, offer)
+        self._say(peer, self.replica.wish(copy))
+
+    def _ask_again(self, now_ns: int, here: Sequence[str]) -> None:
+        for copy, question in sorted(self._questions.items()):
+            if question.peer not in here or question.tries >= MOST_TRIES:
+                del self._questions[copy]
+            elif now_ns >= question.asked_ns + self.patience_ns and now_ns > question.asked_ns:
+                self._repeat(copy, question, now_ns)
+
+    def _repeat(self, copy: Copy, question: Question, now_ns: int) -> None:
+        question.asked_ns, question.tries, question.came = now_ns, question.tries + 1, set()
+        self._say(question.peer, self.replica.wish(copy, question.plain))
+
+    def _ask_for(self, source: Source, now_ns: int, here: Sequence[str]) -> None:
+        """Ask for a third robot's layer: itself where it is here, else everybody who is, one after the other."""
+        copy = Copy(source, "layer")
+        if source == self.source or copy in self._questions:
+            return
+        itself = [peer for peer in here if self.peers[peer].source == source]
+        if itself and self.peers[itself[0]].version <= self.replica.version(copy):
+            return
+        for peer in itself or here:
+            heard_ns = self.peers[peer].heard_ns
+            if self._asked.get((copy, peer)) != heard_ns:
+                self._asked[copy, peer] = heard_ns
+                self._ask(copy, peer, now_ns)
+                return
+
+    def _asked_for(self, sender: str, want: Want) -> None:
+        """Answer from what is held; what is the robot's own is cut as it is now."""
+        if want.copy.source == self.source:
+            try:
+                self._publish(want.copy)
+            except (PluginError, MapError) as error:
+                self._say(sender, Parts(want.copy, want.since, reason=str(error)))
+                raise
+        self._say(sender, *self.replica.answer(want))
+
+    def _publish(self, copy: Copy) -> None:
+        offer = self.host.offer()
+        version = _offer(offer).provenance.version
+        if self.replica.version(copy) != version:
+            form, parts = self.host.cut(copy.aspect)
+            self.replica.publish(copy, self.writer, offer, version, form, parts)
+
+    def _came(self, sender: str, parts: Parts, size: int, now_ns: int) -> None:
+        """Something that was asked for: taken in, and considered when it is complete. What was not is left aside."""
+        copy = parts.copy
+        question = self._questions.get(copy)
+        if question is None or question.peer != sender or copy.source == self.source:
+            return
+        question.size += size
+        if parts.head is None:
+            self._nothing_new(copy, question, parts.reason, now_ns)
+            return
+        if parts.head.version != question.version:
+            question.version, question.came = parts.head.version, set()
+        question.came.add(parts.number)
+        try:
+            taken = self.replica.take(copy, parts.head, parts.pieces)
+        except MapError as error:
+            self._nothing_new(copy, question, str(error), now_ns)
+            return
+        if taken == "complete":
+            del self._questions[copy]
+            self._consider(copy, question, now_ns)
+        elif taken == "conflict":
+            self._nothing_new(copy, question, self.replica.conflict(copy), now_ns)
+        elif len(question.came) == parts.count:
+            self._mend(copy, question, now_ns, taken == "other base")
+
+    def _mend(self, copy: Copy, question: Question, now_ns: int, plain: bool) -> None:
+        """All that was asked for has come, and does not make a whole: ask once more, for it as it is."""
+        if question.tries >= MOST_TRIES:
+            self._nothing_new(copy, question, "its parts do not make a whole", now_ns)
+            return
+        question.plain = True
+        if not plain:
+            self.replica.start_anew(copy)
+        self._repeat(copy, question, now_ns)
+
+    def _nothing_new(self, copy: Copy, question: Question, reason: str, now_ns: int) -> None:
+        """The question is answered, though not with what was asked for."""
+        del self._questions[copy]
+        if question.offer and reason:
+            self.host.refused(question.offer, reason, now_ns)
+        self._wake(now_ns + self.patience_ns)
+
+    def _consider(self, copy: Copy, question: Question, now_ns: int) -> None:
+        whole = self.replica.whole(copy)
+        if whole is None:
+            return
+        self._wake(now_ns + self.patience_ns)
+        if not question.offer:
+            self.host.heard(now_ns)
+            return
+        wish = self.host.consider(whole, copy.aspect, question.size, now_ns)
+        if wish == "layer" and copy.aspect == "preview":
+            self._get(Copy(copy.source, "layer"), question.peer, question.offer, now_ns)
+
+    def _learn(self, claims: Sequence[bytes], now_ns: int) -> None:
+        if self.gossip.learn(claims):
+            self._wake(now_ns + self.patience_ns)
+            self.host.heard(now_ns)
+
+    def _is_namesake(self, sender: str, source: Source, writer: bytes) -> bool:
+        """Whether a hello comes from the second of two robots that say they are one source; it is told so.
+
+        The one with the smaller writer is that source. This robot takes another epoch where it is not.
+        """
+        if source == self.source:
+            if writer == self.writer:
+                return True  # its own voice
+            self._named_alike(source, writer)
+            if source == self.source:
+                self._say(sender, Namesake(source, self.writer))
+                return True
+            return False
+        known = [peer.writer for peer in self.peers.values() if peer.source == source and peer.writer != writer]
+        known += [head.writer for head in self._heads(source) if head.writer != writer]
+        if not known:
+            return False
+        self.namesakes.add(source)
+        if min(known) < writer:
+            self._say(sender, Namesake(source, min(known)))
+            return True
+        return False
+
+    def _heads(self, source: Source) -> list[Head]:
+        heads = [self.replica.head(Copy(source, aspect)) for aspect in ("layer", "preview")]
+        return [head for head in heads if head is not None]
+
+    def _named_alike(self, source: Source, writer: bytes) -> None:
+        """Another robot says that it is this source: the one with the larger writer becomes another."""
+        self.namesakes.add(source)
+        if source != self.source or writer >= self.writer:
+            return
+        epochs = [
+            one.epoch for one in (source, *(peer.source for peer in self.peers.values())) if one.name == source.name
+        ]
+        self.source = Source(source.name, max(epochs) + 1)
+        self.host.renamed(self.source)
+
+    def _wake(self, at_ns: int) -> None:
+        self.wake_ns = at_ns if self.wake_ns is None else min(at_ns, self.wake_ns)
+
+    def _say(self, receiver: str, *messages: Message) -> None:
+        self.outbox += [Outgoing(receiver, message) for message in messages]
+
+
+class UnreadableError(MapError):
+    """A message, or the offer in it, cannot be read."""
+
+
+def _message(data: bytes) -> Message:
+    """The message in the bytes; raises UnreadableError."""
+    try:
+        return decode(data)
+    except MapError as error:
+        raise UnreadableError(str(error)) from None
+
+
+def _offer(data: bytes) -> Offer:
+    """The offer in the bytes; raises UnreadableError."""
+    try:
+        return Offer.decode(data)
+    except MapError as error:
+        raise UnreadableError(str(error)) from None

@@ -1,0 +1,90 @@
+"""What one robot holds of all sources: layers and previews by part and version, bounded in what strangers send."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+from mapgraft.contracts import MapError
+from mapgraft.network.held import Held, Taken, messages_of
+from mapgraft.network.wire import Copy, Form, Head, Parts, Piece, Want
+
+MOST_COPIES: Final = 4096
+
+
+class Whole(NamedTuple):
+    """One complete version: what its writer said of it, and its parts as the map type cut them."""
+
+    head: Head
+    parts: Mapping[bytes, bytes]
+
+
+@dataclass(slots=True)
+class Replica:
+    """The copies of one robot, its own among them. Which is newer is decided in one place: ``Held``."""
+
+    copies: dict[Copy, Held] = field(default_factory=dict)
+
+    def publish(self, copy: Copy, writer: bytes, offer: bytes, version: int, form: Form,
+                parts: Mapping[bytes, bytes]) -> None:  # fmt: skip
+        """Put in a version of one's own."""
+        self._of(copy).publish(writer, offer, version, form, parts)
+
+    def take(self, copy: Copy, head: Head, pieces: tuple[Piece, ...]) -> Taken:
+        """Take in what came; raises MapError when it cannot be what it is said to be."""
+        return self._of(copy).take(head, pieces)
+
+    def version(self, copy: Copy) -> int:
+        """The last version that is complete here; 0 where none is."""
+        held = self.copies.get(copy)
+        return 0 if held is None else held.version
+
+    def head(self, copy: Copy) -> Head | None:
+        """What the writer said of the last complete version."""
+        held = self.copies.get(copy)
+        return None if held is None else held.whole
+
+    def whole(self, copy: Copy) -> Whole | None:
+        """The last complete version, unpacked; None where there is none."""
+        held = self.copies.get(copy)
+        return None if held is None or held.whole is None else Whole(held.whole, held.raw())
+
+    def conflict(self, copy: Copy) -> str:
+        """Why nothing more is taken of a copy; empty while something is."""
+        held = self.copies.get(copy)
+        return "" if held is None else held.conflict
+
+    def wish(self, copy: Copy, plain: bool = False) -> Want:
+        """What to ask for to get the newest version of a copy; what has come already is left out, as far as it fits."""
+        held = self.copies.get(copy)
+        if held is None:
+            return Want(copy, 0, plain)
+        got = {} if plain else dict(sorted(held.got().items())[:_MOST_GOT])
+        return Want(copy, held.version, plain, got)
+
+    def start_anew(self, copy: Copy) -> None:
+        """Forget what came of a copy since it was last complete."""
+        if (held := self.copies.get(copy)) is not None:
+            held.start_anew()
+
+    def answer(self, want: Want) -> list[Parts]:
+        """The messages that bring whoever asks to what is complete here; one without a head where nothing is newer."""
+        held = self.copies.get(want.copy)
+        if held is None or held.whole is None or held.version <= want.since:
+            return [Parts(want.copy, want.since)]
+        told = messages_of(held.pieces(want.since, want.got, want.plain))
+        return [
+            Parts(want.copy, want.since, held.whole, number, len(told), pieces) for number, pieces in enumerate(told)
+        ]
+
+    def _of(self, copy: Copy) -> Held:
+        held = self.copies.get(copy)
+        if held is None:
+            if len(self.copies) >= MOST_COPIES:
+                raise MapError(f"there are copies of {MOST_COPIES} layers already: more are not kept")
+            held = self.copies[copy] = Held()
+        return held
+
+
+_MOST_GOT: Final = 400  # names of at most 72 bytes in one question

@@ -1,0 +1,303 @@
+"""Messages between robots as bytes: each says what kind it is, is checked whole, and is bounded in every length.
+
+``MGN`` and a version, a byte for the kind, the content, and eight bytes of a hash over all before them. What is no
+message, of another version, or damaged raises MapError.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final, Literal, NamedTuple
+
+from mapgraft.contracts import MapError
+from mapgraft.graph.claims import Source
+from mapgraft.network.packing import Reader, Writer, pack_offer, texts, unpack_offer, write_texts
+
+MAGIC: Final = b"MGN\x01"
+MOST_BYTES: Final = 1 << 16  # of one message
+MOST_OFFER: Final = 1 << 14
+MOST_CLAIM: Final = 1 << 12
+MOST_LISTED: Final = 1 << 15
+PIECE: Final = 1 << 14  # bytes of a part, unpacked; a longer part travels in several
+MOST_NAME: Final = 72  # bytes of a part's name with its place
+WRITER: Final = 8
+DIGEST: Final = 16
+_CHECK: Final = 8
+
+Aspect = Literal["layer", "preview"]
+Form = Literal["parts", "whole"]
+Change = Literal["gone", "whole", "difference", "against"]
+_ASPECTS: Final[tuple[Aspect, ...]] = ("layer", "preview")
+_FORMS: Final[tuple[Form, ...]] = ("parts", "whole")
+_CHANGES: Final[tuple[Change, ...]] = ("gone", "whole", "difference", "against")
+
+
+class Copy(NamedTuple):
+    """What is asked for and sent: the layer of a source, or its preview."""
+
+    source: Source
+    aspect: Aspect
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """What the one writer of a source says of one version of its layer or preview.
+
+    ``offer`` (see ``mapgraft.exchange.Offer``) tells the version and what there is to say about the map; ``version``
+    must be that. ``writer`` is who says so: two robots of one name are told apart by it. ``form`` says whether the map
+    type made the parts, or they are the pieces of one encoding. ``digest`` is that of all parts (``digest_of``).
+    """
+
+    writer: bytes
+    offer: bytes
+    version: int
+    form: Form
+    digest: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """One part that has changed, or is gone: since which version it is so, how it is told, and by what bytes.
+
+    ``base`` is the digest of what the receiver is thought to have of it (``difference``, ``against``).
+    """
+
+    name: bytes
+    version: int
+    change: Change
+    base: bytes = b""
+    packed: bytes = b""
+
+
+@dataclass(frozen=True, slots=True)
+class Hello:
+    """Said on contact: what the sender offers, and digests of the claims that it wrote and of those of third robots.
+
+    ``claims`` are those of its own that are new to the other, as far as the sender knows.
+    """
+
+    writer: bytes
+    offer: bytes
+    own: bytes
+    others: bytes
+    claims: tuple[bytes, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """Digests of all claims by their receivers. Who has others sends those, and asks back where this is no ``reply``.
+
+    ``scope`` is empty for all receivers; else only these are meant.
+    """
+
+    digests: Mapping[Source, bytes]
+    scope: tuple[Source, ...] = ()
+    reply: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """Claims."""
+
+    claims: tuple[bytes, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Want:
+    """Asks for what has changed of a layer or preview since a version that the sender has whole (0: all of it).
+
+    ``got`` are parts that have already come of a newer version; ``plain`` asks for them as they are, because what the
+    sender had was not what the other thought.
+    """
+
+    copy: Copy
+    since: int
+    plain: bool = False
+    got: Mapping[bytes, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """Part ``number`` of ``count`` messages that bring a receiver from ``since`` to what ``head`` says.
+
+    Without a head there is nothing newer, or, for a ``reason``, nothing at all.
+    """
+
+    copy: Copy
+    since: int
+    head: Head | None = None
+    number: int = 0
+    count: int = 1
+    pieces: tuple[Piece, ...] = ()
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Namesake:
+    """Tells a robot that another one, ``writer``, is the source that it says it is."""
+
+    source: Source
+    writer: bytes
+
+
+Message = Hello | Summary | Told | Want | Parts | Namesake
+KINDS: Final[Mapping[type, str]] = {
+    Hello: "hello",
+    Summary: "summary",
+    Told: "claims",
+    Want: "want",
+    Parts: "parts",
+    Namesake: "namesake",
+}
+
+
+def kind_of(message: Message) -> str:
+    """How the bytes of a message are counted: previews apart from layers."""
+    if isinstance(message, Parts):
+        return message.copy.aspect
+    return KINDS[type(message)]
+
+
+def encode(message: Message) -> bytes:
+    """Canonical bytes; raises MapError when they would be more than anybody reads."""
+    writer = Writer(MAGIC)
+    writer.number(list(KINDS).index(type(message)))
+    match message:
+        case Hello():
+            _write_hello(writer, message)
+        case Summary():
+            _write_summary(writer, message)
+        case Told():
+            write_texts(writer, message.claims)
+        case Want():
+            _write_want(writer, message)
+        case Parts():
+            _write_parts(writer, message)
+        case Namesake():
+            writer.source(message.source).raw(message.writer)
+    data = bytes(writer.data)
+    if len(data) + _CHECK > MOST_BYTES:
+        raise MapError(f"a message of {len(data)} bytes is too long to be sent: {MOST_BYTES} are read")
+    return data + _hash(data, _CHECK)
+
+
+def decode(data: bytes) -> Message:
+    """The message in the bytes; raises MapError when they are none, or damaged."""
+    try:
+        if len(data) > MOST_BYTES or data[: len(MAGIC)] != MAGIC:
+            raise ValueError(f"it begins with {data[: len(MAGIC)]!r}")
+        body = data[:-_CHECK]
+        if _hash(body, _CHECK) != data[-_CHECK:]:
+            raise ValueError("its hash is another")
+        reader = Reader(body, len(MAGIC))
+        message = _READ[reader.number(len(_READ) - 1)](reader)
+        reader.end()
+        return message
+    except (ValueError, IndexError) as error:
+        raise MapError(f"a message of {len(data)} bytes cannot be read: {error}") from None
+
+
+def digest_of(data: bytes) -> bytes:
+    """The digest by which parts are told apart."""
+    return _hash(data, DIGEST)
+
+
+def _hash(data: bytes, size: int) -> bytes:
+    return hashlib.blake2b(data, digest_size=size).digest()
+
+
+def _write_hello(writer: Writer, hello: Hello) -> None:
+    writer.raw(hello.writer).text(pack_offer(hello.offer)).raw(hello.own).raw(hello.others)
+    write_texts(writer, hello.claims)
+
+
+def _read_hello(reader: Reader) -> Hello:
+    writer, offer = reader.raw(WRITER), unpack_offer(reader.text(MOST_OFFER), MOST_OFFER)
+    digests = reader.raw(DIGEST), reader.raw(DIGEST)
+    return Hello(writer, offer, *digests, tuple(texts(reader, MOST_LISTED, MOST_CLAIM)))
+
+
+def _write_summary(writer: Writer, summary: Summary) -> None:
+    writer.number(int(summary.reply)).number(len(summary.scope))
+    for source in summary.scope:
+        writer.source(source)
+    writer.number(len(summary.digests))
+    for source in sorted(summary.digests):
+        writer.source(source).raw(summary.digests[source])
+
+
+def _read_summary(reader: Reader) -> Summary:
+    reply = bool(reader.number(1))
+    scope = tuple(reader.source() for _ in range(reader.number(MOST_LISTED)))
+    digests = {reader.source(): reader.raw(DIGEST) for _ in range(reader.number(MOST_LISTED))}
+    return Summary(digests, scope, reply)
+
+
+def _write_copy(writer: Writer, copy: Copy) -> None:
+    writer.source(copy.source).number(_ASPECTS.index(copy.aspect))
+
+
+def _read_copy(reader: Reader) -> Copy:
+    return Copy(reader.source(), _ASPECTS[reader.number(len(_ASPECTS) - 1)])
+
+
+def _write_want(writer: Writer, want: Want) -> None:
+    _write_copy(writer, want.copy)
+    writer.number(want.since).number(int(want.plain)).number(len(want.got))
+    for name in sorted(want.got):
+        writer.text(name).number(want.got[name])
+
+
+def _read_want(reader: Reader) -> Want:
+    copy, since, plain = _read_copy(reader), reader.number(), bool(reader.number(1))
+    got = {reader.text(MOST_NAME): reader.number() for _ in range(reader.number(MOST_LISTED))}
+    return Want(copy, since, plain, got)
+
+
+def _write_parts(writer: Writer, parts: Parts) -> None:
+    _write_copy(writer, parts.copy)
+    writer.number(parts.since).number(parts.number).number(parts.count).text(parts.reason.encode()[:MOST_CLAIM])
+    writer.number(int(parts.head is not None))
+    if parts.head is None:
+        return
+    head = parts.head
+    writer.raw(head.writer).text(pack_offer(head.offer)).number(head.version).number(_FORMS.index(head.form))
+    writer.raw(head.digest).number(len(parts.pieces))
+    for piece in parts.pieces:
+        writer.text(piece.name).number(piece.version).number(_CHANGES.index(piece.change))
+        if piece.change in ("difference", "against"):
+            writer.raw(piece.base)
+        if piece.change != "gone":
+            writer.text(piece.packed)
+
+
+def _read_parts(reader: Reader) -> Parts:
+    copy, since, number, count = _read_copy(reader), reader.number(), reader.number(), reader.number()
+    reason = reader.text(MOST_CLAIM).decode(errors="replace")
+    if number >= count:
+        raise ValueError(f"it is message {number} of {count}")
+    if not reader.number(1):
+        return Parts(copy, since, None, number, count, (), reason)
+    writer, offer, version = reader.raw(WRITER), unpack_offer(reader.text(MOST_OFFER), MOST_OFFER), reader.number()
+    head = Head(writer, offer, version, _FORMS[reader.number(len(_FORMS) - 1)], reader.raw(DIGEST))
+    pieces = tuple(_read_piece(reader) for _ in range(reader.number(MOST_LISTED)))
+    return Parts(copy, since, head, number, count, pieces, reason)
+
+
+def _read_piece(reader: Reader) -> Piece:
+    name, version = reader.text(MOST_NAME), reader.number()
+    change = _CHANGES[reader.number(len(_CHANGES) - 1)]
+    base = reader.raw(DIGEST) if change in ("difference", "against") else b""
+    return Piece(name, version, change, base, b"" if change == "gone" else reader.text(MOST_BYTES))
+
+
+_READ: Final[Sequence[Callable[[Reader], Message]]] = (
+    _read_hello,
+    _read_summary,
+    lambda reader: Told(tuple(texts(reader, MOST_LISTED, MOST_CLAIM))),
+    _read_want,
+    _read_parts,
+    lambda reader: Namesake(reader.source(), reader.raw(WRITER)),
+)
