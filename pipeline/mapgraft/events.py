@@ -18,6 +18,11 @@ Kind = Literal[
     "verified",  # the metrics were measured and the verifier kept the merge; not every time, see Merge.tells
     "confirmed",  # the verifier or a person is sure
     "reverted",  # the contribution was taken out again
+    "attached",  # a layer entered the map by a chain of merges of several robots, without a merge of its own
+    "reattached",  # another chain, a transform that has moved, or a newer layer took the place of what was attached
+    "detached",  # what was attached was taken out again
+    "disputed",  # a merge contradicts others and nobody can tell which is wrong: nothing is attached through it
+    "disbelieved",  # own observations contradict what was attached: this robot no longer believes another's merge
     "failed",  # a plugin raised, took too long or gave nonsense; the run goes on with the next rule or robot
 ]
 
@@ -29,8 +34,10 @@ class Event:
     """One row of the history.
 
     ``seq`` rises by one from 0. ``stamp_ns`` is data time. ``merge_id`` is ``<receiver>.<donor>.<n>``, n counting the
-    attempts of that pair from 1, and empty where no attempt was made. ``T_receiver_donor`` is None where there is no
-    hypothesis. ``state`` is the merge's state after the event.
+    attempts of that pair from 1, and empty where no attempt was made; for a layer that was attached it is
+    ``<receiver>.<donor>.via.<n>``. ``through`` are the ids of the merges that lead to what was attached, from the
+    receiver on, or of the merge that an opinion is about. ``T_receiver_donor`` is None where there is no hypothesis.
+    ``state`` is the merge's state after the event.
     """
 
     seq: int
@@ -39,7 +46,7 @@ class Event:
     receiver: str
     donor: str
     merge_id: str = ""
-    state: Literal["", "candidate", "provisional", "confirmed", "reverted"] = ""
+    state: Literal["", "candidate", "provisional", "confirmed", "reverted", "attached", "detached"] = ""
     reason: str = ""
     by: str = ""  # who decided: a plugin's name, "decision table", or a person
     rule: str = ""
@@ -60,6 +67,7 @@ class Event:
     measurements: Sequence[Measurement] = ()
     evidence: Mapping[str, float] = field(default_factory=dict)
     exactness: Exactness | None = None
+    through: Sequence[str] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

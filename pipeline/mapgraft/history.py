@@ -11,6 +11,7 @@ from mapgraft.contracts import Exactness, MapMetadata, MapType, Match, Measureme
 from mapgraft.decision import Ruling
 from mapgraft.errors import FailedPluginError
 from mapgraft.events import DonorMap, Event, Kind, Sink, Snapshot
+from mapgraft.graph.claims import Claim
 from mapgraft.merge import Merge
 from mapgraft.procedures import Tools
 from mapgraft.reversal import Reversal
@@ -88,7 +89,7 @@ class Journal:
         size: int = 0,
         evidence: Mapping[str, float] | None = None,
     ) -> None:
-        """Updated, verified, confirmed or reverted: what became of a standing merge.
+        """Updated, verified, confirmed or reverted, attached or detached: what became of what is in the map.
 
         ``evidence`` is the verifier's; the event has it beside the matcher's.
         """
@@ -101,13 +102,35 @@ class Journal:
             **_of_tools(merge.tools),
             **_of_match(merge.match, merge.comparison.T_receiver_donor, evidence),
             merge_id=merge.merge_id,
-            state=merge.state,
+            state=_state(merge),
+            through=_through(merge),
             reason=reason,
             by=by,
             bytes_received=size,
             measurements=tuple(measurements),
             exactness=exactness,
         )
+
+    def told_of(
+        self, kind: Kind, stamp_ns: int, claim: Claim, reason: str, by: str, evidence: Mapping[str, float]
+    ) -> None:
+        """What this robot thinks of one claim; where the merge lies is said of its own ones only."""
+        of_merge: dict[str, Any] = {}
+        if claim.receiver.name == self.robot:
+            of_merge = {
+                "merge_id": claim.merge_id,
+                "state": claim.state,
+                "donor_epoch": claim.donor.epoch,
+                "T_receiver_donor": claim.T_receiver_donor,
+                "scale": claim.scale,
+                "covariance": claim.covariance,
+            }
+        told = {"reason": reason, "by": by, "evidence": evidence, "through": (claim.merge_id,)}
+        self._record(kind, stamp_ns, claim.donor.name, **of_merge, **told)
+
+    def left_aside(self, stamp_ns: int, donor: str, reason: str, by: str, rule: str = "") -> None:
+        """Something that could be attached is not."""
+        self._record("rejected", stamp_ns, donor, reason=reason, by=by, rule=rule)
 
     def snapshot(
         self,
@@ -148,7 +171,8 @@ class Journal:
                 **_of_tools(merge.tools),
                 **_of_match(merge.match, merge.comparison.T_receiver_donor),
                 "merge_id": merge.merge_id,
-                "state": merge.state,
+                "state": _state(merge),
+                "through": _through(merge),
             }
         by = " ".join(error.plugin) if isinstance(error, FailedPluginError) else "plugin"
         self._record("failed", stamp_ns, donor, **{"rule": rule, **of_merge}, by=by, reason=str(error))
@@ -156,6 +180,17 @@ class Journal:
     def _record(self, kind: Kind, stamp_ns: int, donor: str, **fields: Any) -> None:
         mine = {"reversal": self.reversal.name, "receiver_version": self.reversal.version}
         self.history.record(kind, stamp_ns, self.robot, donor, **mine, **fields)
+
+
+def _state(merge: Merge) -> str:
+    """What is attached has no state of its own: it is there, or it is not."""
+    if merge.chain is None:
+        return merge.state
+    return "detached" if merge.state == "reverted" else "attached"
+
+
+def _through(merge: Merge) -> tuple[str, ...]:
+    return () if merge.chain is None else tuple(claim.merge_id for claim in merge.chain.claims)
 
 
 def _of_donor(provenance: Provenance) -> dict[str, Any]:

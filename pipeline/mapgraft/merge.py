@@ -22,6 +22,8 @@ from mapgraft.contracts import (
     Verdict,
 )
 from mapgraft.errors import PluginError
+from mapgraft.graph.chains import Chain
+from mapgraft.graph.support import as_believed, support_of
 from mapgraft.procedures import Tools, blaming
 from mapgraft.registration import Site
 from mapgraft.rhythm import Rhythm
@@ -101,7 +103,8 @@ class Merge:
     ``match`` is the hypothesis by which it stands now, ``site`` where the donor's map is, ``meeting`` the two maps as
     far as they are needed to register the merge anew. ``stood`` are the transforms at which it stood: the first is the
     one that was accepted, the last that of now. ``history`` holds the samples that have all the verifier looks
-    at: the first one, and the latest.
+    at: the first one, and the latest. ``verdict`` is the verifier's latest word. With a ``chain`` it is no merge of the
+    receiver's own: the donor's layer was attached through others.
     """
 
     merge_id: str
@@ -113,10 +116,12 @@ class Merge:
     trail: Trail
     site: Site
     meeting: Meeting | None = None
+    chain: Chain | None = None
     state: State = "provisional"
     history: list[Sample] = field(default_factory=list)
     decided_by_person: bool = False
     unwatched: bool = False  # what measures or judges it has failed: it stays as it is
+    verdict: Verdict | None = None
     complaints: list[PluginError] = field(default_factory=list)  # of metrics that judge nothing
     due_at: int = 0  # observation of the receiver at which there is something to do next
     stood: list[Transform] = field(init=False)
@@ -256,8 +261,8 @@ class Merge:
 
     @property
     def may_move(self) -> bool:
-        """Whether it may be registered anew; what a person decided stays where it is."""
-        return self.meeting is not None and not self.decided_by_person and not self.unwatched
+        """Whether it may be registered anew; what a person decided stays where it is, and what others found out."""
+        return self.meeting is not None and self.chain is None and not (self.decided_by_person or self.unwatched)
 
     def stop_watching(self) -> None:
         """Ask nobody about it any more: it stays as it is."""
@@ -297,8 +302,15 @@ class Merge:
 
     def judge(self) -> Verdict:
         """The verifier's word on the history so far."""
+        history = self.history if self.chain is None else as_believed(self.history, self.chain.support)
         with blaming(self.tools):
-            return self.tools.verifier.verify(self.history, self.reversal)
+            self.verdict = self.tools.verifier.verify(history, self.reversal)
+        return self.verdict
+
+    @property
+    def support(self) -> float:
+        """The log-odds (nats) that it is right, as its robot judges now."""
+        return support_of(self.history, self.verdict, self.state == "confirmed", self.decided_by_person)
 
     def tells(self, verdict: Verdict, wanted: bool = False) -> bool:
         """Whether a verdict is written down: it is wanted, not the last one again, or the time of the log has come."""

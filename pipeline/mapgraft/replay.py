@@ -6,16 +6,20 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import permutations
+from typing import Final
 
 from mapgraft.contracts import Meeting, Observation, Policy, Situation, Transform
 from mapgraft.errors import FailedPluginError, MapError, PluginError
 from mapgraft.events import Sink
 from mapgraft.exchange import Traffic
+from mapgraft.graph.claims import Claim
 from mapgraft.guard import Guard
 from mapgraft.history import History
 from mapgraft.robot import Robot
 from mapgraft.soundness import sound_meetings
 from mapgraft.stopwatch import Stopwatch
+
+MOST_ROUNDS: Final = 64  # of telling within one meeting
 
 
 @dataclass(slots=True)
@@ -72,6 +76,41 @@ class Exchange:
                     self.robots[receiver].consider(
                         offer, self._fetch(donor, receiver, meeting.stamp_ns), meeting.stamp_ns
                     )
+
+        self._pass_on([(r, d) for r, d in pairs if d in offers], meeting.stamp_ns)
+
+    def _pass_on(self, pairs: Sequence[tuple[str, str]], stamp_ns: int) -> None:
+        """Everybody tells what he claims and has heard, and hands on the layers that are wanted, until all is told."""
+        for name in dict.fromkeys(name for pair in pairs for name in pair):
+            if not self.robots[name].failed:
+                self.robots[name].graph.publish(stamp_ns)
+        for _ in range(MOST_ROUNDS):
+            told = False
+            for receiver, donor in pairs:
+                if not (self.robots[donor].failed or self.robots[receiver].failed):
+                    told = self._tell(donor, receiver) or told
+            for receiver in dict.fromkeys(receiver for receiver, _ in pairs):
+                before = self.robots[receiver].claims.version
+                with self._ending(receiver, stamp_ns):
+                    self.robots[receiver].heard(stamp_ns)
+                told = told or self.robots[receiver].claims.version != before
+            if not told:
+                return
+
+    def _tell(self, donor: str, receiver: str) -> bool:
+        """What one robot tells another of claims and layers that are not its own; False when all of it was known."""
+        giving, taking = self.robots[donor].graph, self.robots[receiver].graph
+        told = False
+        if giving.claims.digest() != taking.claims.digest():
+            for claim in giving.claims:
+                data = self.traffic.carry(donor, receiver, claim.encode())
+                told = taking.claims.add(Claim.decode(data)) or told
+        for source, version in taking.wants().items():
+            if giving.version(source) > version:
+                message = self.robots[donor].layer() if source == giving.me else giving.layers.message(source)
+                if message is not None:
+                    told = taking.layers.add(self.traffic.carry(donor, receiver, message)) or told
+        return told
 
     @contextmanager
     def _ending(self, robot: str, stamp_ns: int) -> Iterator[None]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 from mapgraft.attempt import Attempt, Attempts, Grafted
@@ -11,6 +12,9 @@ from mapgraft.contracts import MapMetadata, MapType, Observation, Prior, Provena
 from mapgraft.decision import DecisionTable, facts_of
 from mapgraft.errors import FailedPluginError, MapError, PluginError
 from mapgraft.exchange import Offer
+from mapgraft.graph.claims import Claims, Source
+from mapgraft.graph.consistency import Settings
+from mapgraft.graph.member import Member, Through
 from mapgraft.history import Journal
 from mapgraft.left_out import LeftOut
 from mapgraft.merge import Merge
@@ -50,19 +54,30 @@ class Robot:
     candidates: Candidates = field(default_factory=Candidates)
     looked_at: dict[str, tuple[int, Provenance]] = field(default_factory=dict)  # donor → versions last considered
     left_out: LeftOut = field(default_factory=LeftOut)
+    through: Through = "confirmed"
+    consistency: Settings = field(default_factory=Settings)
     own: OwnMap = field(init=False)
     attempts: Attempts = field(init=False)
     standing: Standing = field(init=False)
+    graph: Member = field(init=False)
+    _followed: int = 0
 
     def __post_init__(self) -> None:
         self.own = OwnMap(self.name, self.map_type, self.reversal, self.workshop, self.journal)
         self.attempts = Attempts(self.workshop, self.map_type, self.reversal)
         self.standing = Standing(self.own, self.attempts)
+        me = Source(self.name, self.own.provenance.epoch)
+        self.graph = Member(me, self.standing, self.table, self.hand, self.through, self.consistency)
 
     @property
     def merges(self) -> Mapping[str, Merge]:
         """The standing merges by donor."""
         return self.standing.by_donor
+
+    @property
+    def claims(self) -> Claims:
+        """What this robot has heard of merges, its own among them."""
+        return self.graph.claims
 
     @property
     def failed(self) -> str:
@@ -90,6 +105,13 @@ class Robot:
             return
         self.attempts.changed()
         self.standing.observed(observation, touched)
+        if self.standing.changes != self._followed or self.standing.doubted:
+            self.heard(observation.stamp_ns)
+
+    def heard(self, stamp_ns: int) -> None:
+        """Draw the consequences for the own map of all claims and layers that are known by now."""
+        self.graph.heard(stamp_ns)
+        self._followed = self.standing.changes
 
     def fail(self, error: PluginError | MapError, stamp_ns: int) -> None:
         """End this robot's part in the run, and say why; what stands in its map stays."""
@@ -107,7 +129,7 @@ class Robot:
     def consider(self, offer: bytes, fetch: Fetch, stamp_ns: int) -> None:
         """Decide about a donor's offer: turn it away, merge its map, or bring a standing merge up to date."""
         received = Offer.decode(offer)
-        donor = received.provenance.source
+        donor, fetch = received.provenance.source, self._keeping(fetch)
         if (standing := self.merges.get(donor)) is not None:
             self.standing.update(standing, received, fetch, stamp_ns)
             return
@@ -122,6 +144,17 @@ class Robot:
         with self.own.asking():
             met = self._encounter(donor, received.metadata, stamp_ns)
         self._decide(received, len(offer), fetch, met)
+
+    def _keeping(self, fetch: Fetch) -> Fetch:
+        """What is fetched is held, to attach it or pass it on."""
+
+        def keeping() -> bytes:
+            data = fetch()
+            with suppress(MapError):  # who asked for it says so
+                self.graph.layers.add(data)
+            return data
+
+        return keeping
 
     def _decide(self, received: Offer, size: int, fetch: Fetch, met: Encounter) -> None:
         """Try the first rule that applies; where a plugin of it fails, say so and go on with the next one."""
@@ -182,6 +215,7 @@ class Robot:
         self, attempt: Attempt, grafted: Grafted, tools: Tools, merge_id: str, size: int, met: Encounter
     ) -> Merge:
         provenance, stamp_ns = grafted.contribution.provenance, met.stamp_ns
+        self.graph.make_room(Source(provenance.source, provenance.epoch), stamp_ns)
         made = (merge_id, tools, grafted.match, provenance, grafted.comparison, self.reversal.name)
         meeting = grafted.meeting if tools.refines and self.reversal.name != "single_map" else None
         merge = Merge(*made, self.standing.trail, met.site, meeting)
@@ -215,4 +249,5 @@ class Robot:
     def finish(self, stamp_ns: int) -> None:
         """The last look at every standing merge, and the last snapshot."""
         self.standing.end(stamp_ns)
+        self.heard(stamp_ns)
         self.standing.show("end", stamp_ns)

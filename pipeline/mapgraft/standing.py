@@ -10,6 +10,7 @@ from mapgraft.attempt import Attempts, Grafted, Meeting
 from mapgraft.contracts import Observation, Region, Sample, Verdict
 from mapgraft.errors import MapError, PluginError
 from mapgraft.exchange import Offer
+from mapgraft.graph.claims import Source
 from mapgraft.history import Journal, Moment
 from mapgraft.merge import Merge
 from mapgraft.own_map import OwnMap
@@ -23,10 +24,22 @@ Fetch = Callable[[], bytes]
 LONG: Final = 64  # observations: so often it is found out which of them are still needed
 
 
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """When a merge was reverted, who decided, and why."""
+
+    merge_id: str
+    stamp_ns: int
+    by: str
+    reason: str
+
+
 @dataclass(slots=True)
 class Standing:
     """What one robot has merged, by donor. It asks the plugins of each merge's rule and writes down what they say.
 
+    ``attached`` is what came in through merges of others, by source; ``doubted`` what of it own observations have
+    spoken against since somebody last took that away. ``ended`` tells by donor how the last merge with it ended.
     ``failed`` says why the robot takes no part any more: its map type failed.
     """
 
@@ -34,7 +47,16 @@ class Standing:
     attempts: Attempts
     trail: Trail = field(default_factory=Trail)
     by_donor: dict[str, Merge] = field(default_factory=dict)
+    attached: dict[Source, Merge] = field(default_factory=dict)
+    doubted: list[tuple[Merge, Verdict]] = field(default_factory=list)
+    ended: dict[str, Ending] = field(default_factory=dict)
+    changes: int = 0  # rises with every merge that is made, moved, confirmed or reverted
     failed: str = ""
+
+    @property
+    def all(self) -> list[Merge]:
+        """Everything that is in the map: first what the robot merged itself."""
+        return [*self.by_donor.values(), *self.attached.values()]
 
     @property
     def reversal(self) -> Reversal:
@@ -52,17 +74,17 @@ class Standing:
         """Verify and register anew every merge whose time has come, after an observation that entered the map."""
         self.trail.add(observation, touched)
         now = self.trail.now
-        due = [merge for merge in self.by_donor.values() if now >= merge.due_at]
+        due = [merge for merge in self.all if now >= merge.due_at]
         for merge in due:
             self.verify(merge, observation.stamp_ns)
             if merge.state != "reverted" and merge.is_to_register():
                 self._register(merge, observation.stamp_ns)
-        if not self.by_donor or now % LONG == 0:
-            self.trail.forget(min((merge.seen for merge in self.by_donor.values()), default=now))
+        if now % LONG == 0 or not (self.by_donor or self.attached):
+            self.trail.forget(min((merge.seen for merge in self.all), default=now))
 
     def end(self, stamp_ns: int) -> None:
         """The last look at every merge."""
-        for merge in [] if self.failed else list(self.by_donor.values()):
+        for merge in [] if self.failed else self.all:
             if merge.has_news or merge.is_untold:
                 self.verify(merge, stamp_ns, everything=True, tell=True)
 
@@ -70,6 +92,7 @@ class Standing:
         """A merge whose contribution has just entered the map."""
         self._fused_changed()
         self.by_donor[merge.donor] = merge
+        self.changes += 1
 
     def update(self, merge: Merge, offer: Offer, fetch: Fetch, stamp_ns: int) -> None:
         """Put the donor's newer layer in the place of the older one, where it lies best now, and look at it again."""
@@ -122,6 +145,7 @@ class Standing:
         with self.workshop.guard.calling("fuser", merge.tools.procedure.fuse.use):
             self.reversal.replace(merge.merge_id, grafted.contribution)
         merge.replace(grafted)
+        self.changes += 1
         self.journal.changed("updated", stamp_ns, merge, reason, by, size=size)
         self.verify(merge, stamp_ns, everything=True, tell=True)
 
@@ -151,19 +175,33 @@ class Standing:
     def _follow(self, merge: Merge, stamp_ns: int, verdict: Verdict, sample: Sample, tell: bool) -> None:
         """Do as the verifier says."""
         by, tell = merge.tools.procedure.verify.use, merge.tells(verdict, tell)
+        if merge.chain is not None:
+            self._follow_attached(merge, stamp_ns, verdict, sample, tell)
+            return
         if verdict.action == "revert" and not merge.decided_by_person:
             self.revert(merge, stamp_ns, verdict.reason, by, sample, evidence=verdict.evidence)
         elif verdict.action == "confirm" and merge.state == "provisional":
             merge.state = "confirmed"
+            self.changes += 1
             self.journal.changed("confirmed", stamp_ns, merge, verdict.reason, by, sample, evidence=verdict.evidence)
         elif tell:
             said = f"confirmed by a person; {verdict.reason}" if merge.decided_by_person else verdict.reason
             self.journal.changed("verified", stamp_ns, merge, said, by, sample, evidence=verdict.evidence)
 
+    def _follow_attached(self, merge: Merge, stamp_ns: int, verdict: Verdict, sample: Sample, tell: bool) -> None:
+        """What a verifier says of an attached layer is about the chain: it is for others to draw the consequence."""
+        by = merge.tools.procedure.verify.use
+        if verdict.action == "revert":
+            self.doubted.append((merge, verdict))
+        elif verdict.action == "confirm":
+            merge.state = "confirmed"
+        if tell or verdict.action == "revert":
+            self.journal.changed("verified", stamp_ns, merge, verdict.reason, by, sample, evidence=verdict.evidence)
+
     def _unverifiable(self, merge: Merge, stamp_ns: int, error: PluginError) -> None:
         """What nobody can judge any more goes if it was provisional, and stays, unwatched, if it was confirmed."""
         self.complain(error, stamp_ns, merge.donor, merge=merge)
-        if merge.state == "confirmed":
+        if merge.state == "confirmed" or merge.chain is not None:
             merge.stop_watching()
             self.journal.changed("verified", stamp_ns, merge, f"not verified any more: {error}", "merge")
         else:
@@ -184,8 +222,10 @@ class Standing:
         self.show("before revert", stamp_ns, merge.merge_id)
         exactness = self.reversal.revert(merge.merge_id)
         del self.by_donor[merge.donor]
+        self.changes += 1
         self._fused_changed()
         merge.state = "reverted"
+        self.ended[merge.donor] = Ending(merge.merge_id, stamp_ns, by, reason)
         if refuse:
             refusal = Refusal(merge.merge_id, tuple(merge.stood), merge.match.score, by_person)
             self.attempts.refusals.add(merge.donor, refusal)
@@ -209,6 +249,6 @@ class Standing:
 
     def show(self, why: Moment, stamp_ns: int, merge_id: str = "", entering: tuple[Merge, ...] = ()) -> None:
         """Take a snapshot of the robot's maps; a map type that cannot show them is complained of."""
-        error = self.own.show(why, stamp_ns, merge_id, (*self.by_donor.values(), *entering))
+        error = self.own.show(why, stamp_ns, merge_id, (*self.all, *entering))
         if error is not None and not self.failed:
             self.complain(error, stamp_ns, "")

@@ -154,6 +154,6 @@ def _told(witness: Witness, events: Sequence[Event], attempted: Event, took: _To
 
 
 def _state(last: Event | None) -> Literal["", "provisional", "confirmed", "reverted"]:
-    if last is None or last.state == "candidate":
+    if last is None or last.state == "candidate" or last.state == "attached" or last.state == "detached":
         return ""
     return last.state

@@ -1,0 +1,238 @@
+"""One robot in the graph of merges: what it claims, what it believes of others, and what follows for its own map."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Final, Literal
+
+from mapgraft.contracts import Verdict
+from mapgraft.decision import DecisionTable
+from mapgraft.graph.attached import Attachments
+from mapgraft.graph.chains import Chain, best_chains
+from mapgraft.graph.claims import Claim, Claims, Edge, Source, State
+from mapgraft.graph.consistency import Explanation, Grounds, Settings, explain
+from mapgraft.graph.held import HeldLayers
+from mapgraft.merge import Merge
+from mapgraft.persons import Hand
+from mapgraft.refusals import Refusal
+from mapgraft.standing import Standing
+
+CONSISTENCY: Final = "consistency"
+NEWS: Final = 1.0  # nats by which the support of a merge must move before it is told again
+Through = Literal["confirmed", "provisional", "none"]
+
+
+@dataclass(slots=True)
+class Member:
+    """The claims and layers that one robot has heard of, its own among them, and what it makes of them.
+
+    ``through`` says by which merges of others layers are attached. ``disbelieved`` are claims of others, by edge and
+    epoch, that own observations have contradicted, with the reason.
+    """
+
+    me: Source
+    standing: Standing
+    table: DecisionTable
+    hand: Hand
+    through: Through = "confirmed"
+    settings: Settings = field(default_factory=Settings)
+    claims: Claims = field(default_factory=Claims)
+    layers: HeldLayers = field(default_factory=HeldLayers)
+    disbelieved: dict[tuple[Edge, int], str] = field(default_factory=dict)
+    attachments: Attachments = field(init=False)
+    _disputed: dict[Edge, int] = field(default_factory=dict)
+    _known: tuple[object, ...] = ()
+
+    def __post_init__(self) -> None:
+        self.attachments = Attachments(self.standing, self.table)
+
+    def publish(self, stamp_ns: int) -> None:
+        """Bring the claims about the robot's own merges up to date."""
+        merges = {_donor_of(merge): merge for merge in self.standing.by_donor.values()}
+        for donor, merge in sorted(merges.items()):
+            known, n = self.claims.of(self.me, donor), _number_of(merge)
+            if known is None or known.epoch < n:
+                self.claims.add(_claim(self.me, donor, merge, n, 0, stamp_ns))
+            elif known.epoch == n and known.is_active and _is_news(known, merge):
+                self.claims.add(_claim(self.me, donor, merge, n, known.revision + 1, stamp_ns))
+        for claim in self.claims.active():
+            stands = claim.donor in merges and _number_of(merges[claim.donor]) == claim.epoch
+            if claim.receiver == self.me and not stands:
+                ended = self.standing.ended.get(claim.donor.name)
+                by, reason = (ended.by, ended.reason) if ended else ("", "")
+                self.claims.add(_reverted(claim, stamp_ns, by, reason))
+
+    def heard(self, stamp_ns: int) -> None:
+        """Draw the consequences of what is known now: revert, attach, detach.
+
+        The result depends on what is known, and not on the order in which it came.
+        """
+        if self.standing.failed:
+            return
+        self.publish(stamp_ns)
+        known = self._state()
+        if known == self._known and not self.standing.doubted:
+            return
+        explanation = self._settled(stamp_ns)
+        self._tell_disputes(explanation, stamp_ns)
+        self._attach(explanation, stamp_ns)
+        while self._doubt(stamp_ns):
+            self._attach(explanation, stamp_ns)
+        self._known = self._state()
+
+    def wants(self) -> Mapping[Source, int]:
+        """The sources whose layers the robot can attach or would pass on, with the version it holds, -1 for none."""
+        if not self.standing.reversal.exact:
+            return {}
+        chains = self._wanted(explain(self.claims.active(), self.settings))
+        return {source: self.version(source) for source in chains}
+
+    def version(self, source: Source) -> int:
+        """How new the layer is that the robot has of a source, its own among them; -1 where it has none."""
+        if source == self.me:
+            return self.standing.reversal.offered_version
+        held = self.layers.version(source)
+        return -1 if held is None else held
+
+    def make_room(self, donor: Source, stamp_ns: int) -> None:
+        """The robot is about to merge a layer at first hand: a source counts once."""
+        self.attachments.detach(donor, "it is merged at first hand now", stamp_ns)
+
+    def _state(self) -> tuple[object, ...]:
+        standing = tuple(sorted((donor, merge.merge_id) for donor, merge in self.standing.by_donor.items()))
+        own = self.standing.reversal.version
+        return self.claims.version, self.layers.changes, len(self.disbelieved), own, standing
+
+    def _settled(self, stamp_ns: int) -> Explanation:
+        """Revert what cannot stand, as far as it is this robot's affair, until nothing more follows."""
+        while True:
+            explanation = explain(self.claims.active(), self.settings)
+            before = self.claims.version
+            for claim in [one for one in self.claims if not one.is_active and one.receiver == self.me]:
+                self._obey(claim, stamp_ns)
+            for grounds in explanation.wrong.values():
+                self._take_back(grounds, stamp_ns)
+            self.publish(stamp_ns)
+            if self.claims.version == before:
+                return explanation
+
+    def _take_back(self, grounds: Grounds, stamp_ns: int) -> None:
+        """A claim that cannot stand is reverted by its receiver, and if that does not hear of it by its donor."""
+        claim = grounds.claim
+        if claim.receiver == self.me:
+            merge = self.standing.by_donor.get(claim.donor.name)
+            if merge is not None and _number_of(merge) == claim.epoch and not merge.decided_by_person:
+                evidence = grounds.evidence
+                self.standing.revert(merge, stamp_ns, grounds.sentence, CONSISTENCY, evidence=evidence)
+        elif claim.donor == self.me:
+            self.claims.add(_reverted(claim, stamp_ns, CONSISTENCY, grounds.sentence))
+
+    def _obey(self, claim: Claim, stamp_ns: int) -> None:
+        """The donor has taken back a merge that stands here."""
+        merge = self.standing.by_donor.get(claim.donor.name)
+        if merge is None or _number_of(merge) != claim.epoch or merge.decided_by_person:
+            return
+        self.standing.revert(merge, stamp_ns, f"{claim.donor.name} says: {claim.reason}", claim.by)
+
+    def _tell_disputes(self, explanation: Explanation, stamp_ns: int) -> None:
+        """Say once of each own merge that it is in dispute."""
+        mine = {edge: grounds for edge, grounds in explanation.disputed.items() if edge.receiver == self.me}
+        for edge, grounds in mine.items():
+            if self._disputed.get(edge) != grounds.claim.epoch:
+                said = f"{grounds.sentence}, and nobody can tell which merge is wrong: nothing is attached through it"
+                journal = self.standing.journal
+                journal.told_of("disputed", stamp_ns, grounds.claim, said, CONSISTENCY, grounds.evidence)
+        self._disputed = {edge: grounds.claim.epoch for edge, grounds in mine.items()}
+
+    def _attach(self, explanation: Explanation, stamp_ns: int) -> None:
+        def why_not(chain: Chain) -> str:
+            return self._why_not(chain, explanation)
+
+        wanted = self._wanted(explanation)
+        if not self.standing.reversal.exact:
+            for source in wanted:
+                self.attachments.leave(source, "a single map cannot take out exactly what is attached", stamp_ns)
+            return
+        self.attachments.bring_about(wanted, self.layers, why_not, stamp_ns)
+
+    def _wanted(self, explanation: Explanation) -> dict[Source, Chain]:
+        """Whose layers belong into the map, each by its best-supported chain."""
+        if self.through == "none":
+            return {}
+        believed = [claim for claim in self.claims.active() if not self._disbelief(claim, explanation)]
+        first_hand = {_donor_of(merge) for merge in self.standing.by_donor.values()}
+        return {
+            source: chain
+            for source, chain in best_chains(self.me, believed).items()
+            if source not in first_hand and not self.hand.forbids(self.me.name, source.name)
+        }
+
+    def _disbelief(self, claim: Claim, explanation: Explanation) -> str:
+        """Why nothing is attached through a claim; empty where it is believed."""
+        if not claim.is_active:
+            return f"{claim.merge_id} was reverted" + (f" by {claim.by}" if claim.by else "")
+        if (grounds := explanation.wrong.get(claim.edge)) is not None:
+            return f"{claim.merge_id} contradicts other merges: {grounds.sentence}"
+        if claim.edge in explanation.disputed:
+            return f"{claim.merge_id} is in dispute"
+        if why := self.disbelieved.get((claim.edge, claim.epoch)):
+            return f"{claim.merge_id} is not believed: {why}"
+        if claim.receiver != self.me and claim.state != "confirmed" and self.through != "provisional":
+            return f"{claim.merge_id} is not confirmed"
+        return ""
+
+    def _why_not(self, chain: Chain, explanation: Explanation) -> str:
+        """Why something can no longer be attached by a chain, or need not be."""
+        if any(chain.source == _donor_of(merge) for merge in self.standing.by_donor.values()):
+            return "it is merged at first hand now"
+        for old in chain.claims:
+            claim = self.claims.of(*old.edge) or old
+            if why := self._disbelief(claim, explanation):
+                return f"{why}, and there is no other way"
+        return "there is no chain of merges to it any more"
+
+    def _doubt(self, stamp_ns: int) -> bool:
+        """What own observations speak against has a wrong merge in its chain: the weakest one is not this robot's."""
+        doubted, self.standing.doubted = self.standing.doubted, []
+        for merge, verdict in doubted:
+            if merge.chain is not None and merge.state != "reverted":
+                self._disbelieve(merge, merge.chain, verdict, stamp_ns)
+        return bool(doubted)
+
+    def _disbelieve(self, merge: Merge, chain: Chain, verdict: Verdict, stamp_ns: int) -> None:
+        foreign = [claim for claim in chain.claims if claim.receiver != self.me]
+        weakest = min(reversed(foreign), key=lambda claim: claim.support)
+        self.disbelieved[weakest.edge, weakest.epoch] = verdict.reason
+        refusal = Refusal(merge.merge_id, tuple(merge.stood), merge.match.score)
+        self.standing.attempts.refusals.add(merge.donor, refusal)
+        said = f"{weakest.merge_id}, the least supported merge that led to {merge.donor}: {verdict.reason}"
+        by = merge.tools.procedure.verify.use
+        self.standing.journal.told_of("disbelieved", stamp_ns, weakest, said, by, verdict.evidence)
+        self.attachments.detach(_donor_of(merge), f"{weakest.merge_id} is not believed: {verdict.reason}", stamp_ns)
+
+
+def _donor_of(merge: Merge) -> Source:
+    return Source(merge.provenance.source, merge.provenance.epoch)
+
+
+def _number_of(merge: Merge) -> int:
+    return int(merge.merge_id.rpartition(".")[2])
+
+
+def _claim(me: Source, donor: Source, merge: Merge, epoch: int, revision: int, stamp_ns: int) -> Claim:
+    state: State = "confirmed" if merge.state == "confirmed" else "provisional"
+    T, match = merge.comparison.T_receiver_donor, merge.match
+    by = "person" if merge.decided_by_person else merge.tools.procedure.verify.use
+    where = (T, match.scale, match.covariance)
+    return Claim(me, donor, epoch, state, revision, *where, support=merge.support, stamp_ns=stamp_ns, by=by)
+
+
+def _is_news(known: Claim, merge: Merge) -> bool:
+    same = known.T_receiver_donor == merge.comparison.T_receiver_donor and known.scale == merge.match.scale
+    return not same or known.state != merge.state or abs(known.support - merge.support) >= NEWS
+
+
+def _reverted(claim: Claim, stamp_ns: int, by: str, reason: str) -> Claim:
+    told = (stamp_ns, by, reason)
+    return replace(claim, state="reverted", revision=claim.revision + 1, stamp_ns=told[0], by=told[1], reason=told[2])

@@ -1,0 +1,56 @@
+"""How sure a robot is of a merge it made: the one place where that is said as a number."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+from mapgraft.contracts import Measurement, Sample, Verdict
+from mapgraft.graph.claims import MOST_SUPPORT
+
+LOG_ODDS_WRONG: Final = "log_odds_wrong"  # evidence of verifiers that test sequentially: nats, that the merge is wrong
+LOG_ODDS: Final = "log_odds"  # detail of metrics whose value is the probability that a match is right: nats
+MOST_ACCEPTED: Final = 6.0  # nats: what was found on the maps that the match was chosen on says no more
+ACCEPTED: Final = 2.2  # nats: a merge of which nobody tells a probability was accepted with nine in ten
+CONFIRMED: Final = 5.3  # nats: 0.995, as verifiers confirm
+
+
+def support_of(history: Sequence[Sample], verdict: Verdict | None, confirmed: bool, by_person: bool) -> float:
+    """The log-odds (nats) that a merge is right, as its robot judges now, within ±12.
+
+    What a person decided is sure. Else the latest word of the verifier, where it tells how its test stands; else what
+    the metrics said when the match was accepted, no surer than 6 nats; else what merges of that state usually are.
+    """
+    if by_person:
+        return MOST_SUPPORT
+    told = None if verdict is None else verdict.evidence.get(LOG_ODDS_WRONG)
+    if told is not None:
+        return max(-MOST_SUPPORT, min(MOST_SUPPORT, -told))
+    first = history[0].measurements.values() if history else ()
+    found = [m.details[LOG_ODDS] for m in first if _is_probability(m)]
+    if found and not confirmed:
+        return max(-MOST_ACCEPTED, min(MOST_ACCEPTED, *found))
+    return CONFIRMED if confirmed else ACCEPTED
+
+
+def as_believed(history: Iterable[Sample], support: float) -> list[Sample]:
+    """The samples of an attached layer as its verifier is to see them; ``support`` is that of the chain.
+
+    What was attached was never matched here: the probability that it lies right is that of the chain, and not what a
+    metric makes of two maps that perhaps do not even touch.
+    """
+    return [replace(sample, measurements=_believed(sample.measurements, support)) for sample in history]
+
+
+def _believed(measurements: Mapping[str, Measurement], support: float) -> dict[str, Measurement]:
+    probability = 1.0 / (1.0 + math.exp(-support))
+    return {
+        name: replace(m, value=probability, details={**m.details, LOG_ODDS: support}) if _is_probability(m) else m
+        for name, m in measurements.items()
+    }
+
+
+def _is_probability(m: Measurement) -> bool:
+    return m.sufficient and LOG_ODDS in m.details
