@@ -1,8 +1,8 @@
 """Robots with tiny real grids on a simulated radio: what tests drive in every order, and what must come of it.
 
-A robot observes, meets, claims merges, takes them back, corrects its map, fails and begins again in a new frame; what it
-attaches follows from the claims and layers that it holds, swapped in and out of a real ledger. ``Swarm.fresh`` computes
-the same anew from what has survived.
+A robot observes, meets, claims merges, takes them back, corrects its map, fails and begins again in a new frame. What
+it attaches follows from the claims and layers that it holds, swapped in and out of a real ledger. ``Swarm.fresh``
+computes the same anew from what has survived.
 """
 
 from __future__ import annotations

@@ -142,7 +142,7 @@ class Held:
         if not piece.name or len(piece.name) > MOST_NAME or piece.version > version:
             raise MapError(f"a part of version {piece.version} in one of version {version}, or without a name")
         known = self.parts.get(piece.name)
-        if False:
+        if known is not None and known.version >= piece.version:
             return True
         if piece.change == "gone":
             self._put(piece.name, Part(piece.version, _GONE_DIGEST, None))
