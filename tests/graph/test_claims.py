@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
 from dataclasses import replace
 from typing import Any
@@ -96,10 +97,8 @@ def test_damaged_bytes_are_refused(cut: int) -> None:
 def test_flipped_bytes_never_raise_anything_else(at: int, by: int) -> None:
     data = bytearray(claim(covariance=np.eye(6), reason="all is well").encode())
     data[at % len(data)] ^= by
-    try:
+    with contextlib.suppress(MapError):
         assert Claim.decode(bytes(data)).encode() == bytes(data)
-    except MapError:
-        pass
 
 
 @pytest.mark.parametrize(

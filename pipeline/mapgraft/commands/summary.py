@@ -65,6 +65,9 @@ def as_json_summary(result: Result) -> dict[str, Any]:
     }
 
 
+_ROUTINE = ("verified", "updated", "disputed")
+
+
 def _merges(events: Sequence[Event]) -> list[list[Event]]:
     """The events of every merge that was made, each merge's in order."""
     made = [event.merge_id for event in events if event.kind == "merged"]
@@ -109,7 +112,7 @@ def _robot_table(result: Result) -> Table:
 
 def _decisive(events: Sequence[Event]) -> Event:
     """The event that tells best how a merge ended: the last that is more than a measurement."""
-    return next((event for event in reversed(events) if event.kind not in ("verified", "updated")), events[-1])
+    return next((event for event in reversed(events) if event.kind not in _ROUTINE), events[-1])
 
 
 def _why_not(events: Sequence[Event]) -> str:

@@ -19,6 +19,9 @@ _LEVELS: Mapping[Kind, int] = {
     "verified": DEBUG,
     "ambiguous": WARN,
     "reverted": WARN,
+    "detached": WARN,
+    "disputed": WARN,
+    "disbelieved": WARN,
     "failed": ERROR,
 }
 _PLAIN = (
@@ -52,6 +55,9 @@ def encode_event(event: Event, frame_id: str) -> bytes:
     out.integers("<I", 0 if event.exactness is None else 1)
     if event.exactness is not None:
         _exactness(out, event.exactness)
+    out.integers("<I", len(event.through))
+    for merge_id in event.through:
+        out.text(merge_id)
     return out.finish()
 
 
@@ -79,6 +85,7 @@ def event_of(message: Any) -> Event:
         measurements=tuple(_measurement_of(m) for m in message.measurements),
         evidence={pair.name: pair.value for pair in message.evidence},
         exactness=_exactness_of(message.exactness[0]) if message.exactness else None,
+        through=tuple(message.through),
     )
 
 

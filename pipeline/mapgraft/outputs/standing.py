@@ -53,6 +53,8 @@ class StandingMerges:
 
     def happened(self, event: Event) -> bool:
         """Take one event in; True when what stands, or where, is different from before."""
+        if event.state in ("attached", "detached"):
+            return False  # what is attached connects nothing that the merges on the way do not
         known = self._by_id.get(event.merge_id)
         if event.kind == "reverted":
             return self._by_id.pop(event.merge_id, None) is not None

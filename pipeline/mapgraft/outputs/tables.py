@@ -154,6 +154,7 @@ def _event_row(event: Event) -> Row:
         "cells_contaminated": None if exactness is None else exactness.cells_contaminated,
         "cells_lost": None if exactness is None else exactness.cells_lost,
         "exactness_reason": None if exactness is None else exactness.reason,
+        "through": list(event.through),
         **_planar(T),
     }
 

@@ -20,6 +20,12 @@ TONES: Final[dict[str, str]] = {
     "rejected": "none",
     "unmatched": "none",
     "ambiguous": "doubt",
+    "attached": "good",
+    "reattached": "none",
+    "detached": "bad",
+    "disputed": "doubt",
+    "disbelieved": "doubt",
+    "failed": "doubt",
     "provisional": "wait",
 }
 _LISTED: Final = 6  # names that a sentence holds
@@ -154,4 +160,10 @@ def happened(kind: Kind) -> str:
         "verified": "Looked at",
         "confirmed": "Confirmed",
         "reverted": "Reverted",
+        "attached": "Attached",
+        "reattached": "Attached anew",
+        "detached": "Detached",
+        "disputed": "In dispute",
+        "disbelieved": "No longer believed",
+        "failed": "Failed",
     }[kind]
