@@ -1,16 +1,16 @@
-"""What passes between robots: bytes. First the metadata, then, if it is wanted, the layer."""
+"""What passes between robots: first the metadata, then, if it is wanted, the layer. How, is the network's affair."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
-import struct
-from collections import Counter
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
 
-from mapgraft.contracts import MapError, MapMetadata, Provenance
+from mapgraft.contracts import Layer, MapError, MapMetadata, MapType, PartedType, PreviewedType, Provenance
 
-_LAYER_MAGIC = b"MGL1"
+Form = Literal["parts", "whole"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,38 +42,39 @@ class Offer:
             raise MapError(f"an offer of {len(data)} bytes cannot be read: {error}") from None
 
 
-@dataclass(frozen=True, slots=True)
-class LayerMessage:
-    """A donor's layer on its way: raw, in the donor's own frame, with its provenance."""
+@dataclass(frozen=True, slots=True, eq=False)
+class SentLayer:
+    """A donor's layer as it has come: raw, in the donor's own frame, with its provenance.
+
+    ``parts`` gives what the map type cut it into (``PartedType``), or its encoding as the only one where ``form`` is
+    ``whole``. ``size`` counts the bytes in which it came; what was held before did not come again.
+    """
 
     provenance: Provenance
     map_type: str
-    payload: bytes
+    form: Form
+    parts: Callable[[], Mapping[bytes, bytes]]
+    size: int
 
-    def encode(self) -> bytes:
-        header = json.dumps([*self.provenance, self.map_type]).encode()
-        return _LAYER_MAGIC + struct.pack("<I", len(header)) + header + self.payload
-
-    @classmethod
-    def decode(cls, data: bytes) -> LayerMessage:
-        """Raises MapError when the bytes are not a layer message."""
-        try:
-            if data[:4] != _LAYER_MAGIC:
-                raise ValueError(f"it starts with {data[:4]!r}")
-            (length,) = struct.unpack_from("<I", data, 4)
-            source, epoch, version, map_type = json.loads(data[8 : 8 + length])
-            return cls(Provenance(str(source), int(epoch), int(version)), str(map_type), bytes(data[8 + length :]))
-        except (ValueError, TypeError, struct.error) as error:
-            raise MapError(f"a layer message of {len(data)} bytes cannot be read: {error}") from None
+    def layer(self, map_type: MapType) -> Layer:
+        """The layer, live; raises MapError when the parts do not make one."""
+        told = self.parts()
+        if self.form == "whole":
+            return map_type.decode(b"".join(told[name] for name in sorted(told)))
+        if not isinstance(map_type, PartedType):
+            raise MapError(f"a layer of {self.map_type} came in parts, which this version of it cannot join: update it")
+        return map_type.join(told)
 
 
-@dataclass(slots=True)
-class Traffic:
-    """How many bytes went from each donor to each receiver."""
+def cut(map_type: MapType, layer: Layer) -> tuple[Form, Mapping[bytes, bytes]]:
+    """A layer as it is sent: in the parts of its type, or as a whole."""
+    if isinstance(map_type, PartedType):
+        return "parts", map_type.parts(layer)
+    return "whole", {b"": map_type.encode(layer)}
 
-    sent: Counter[tuple[str, str]] = field(default_factory=Counter)
 
-    def carry(self, donor: str, receiver: str, data: bytes) -> bytes:
-        """Hand the bytes over and count them."""
-        self.sent[donor, receiver] += len(data)
-        return data
+def preview_of(map_type: MapType, layer: Layer) -> Layer:
+    """What a map type shows of a layer to who may not want it; raises MapError where it shows nothing."""
+    if not isinstance(map_type, PreviewedType):
+        raise MapError(f"maps of type {map_type.name} have no previews: ask for the layer")
+    return map_type.preview(layer)

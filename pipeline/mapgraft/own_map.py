@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
 from mapgraft.contracts import Donation, MapMetadata, MapType, Provenance
 from mapgraft.errors import FailedPluginError, MapError
 from mapgraft.events import DonorMap
-from mapgraft.exchange import LayerMessage, Offer
+from mapgraft.exchange import Form, Offer, SentLayer, cut, preview_of
 from mapgraft.guard import Call
 from mapgraft.history import Journal, Moment
 from mapgraft.merge import Merge
@@ -51,10 +52,17 @@ class OwnMap:
         layer = self.reversal.compared_layer()
         return self.metadata() if layer is self.reversal.offered_layer() else self.map_type.metadata(layer)
 
-    def layer(self) -> bytes:
-        """This robot's own evidence, raw and in its own frame, ready to send; raises as ``offer``."""
+    def layer(self) -> SentLayer:
+        """This robot's own evidence, raw and in its own frame, as one hands it over who is next to the other."""
         with self.asking():
-            return LayerMessage(self.provenance, self.map_type.name, self.encoded_layer()).encode()
+            whole = self.encoded_layer()
+        return SentLayer(self.provenance, self.map_type.name, "whole", lambda: {b"": whole}, len(whole))
+
+    def cut(self, preview: bool = False) -> tuple[Form, Mapping[bytes, bytes]]:
+        """The same in parts, ready to be sent, or what it looks like; raises as ``offer``."""
+        with self.asking():
+            layer = self.reversal.offered_layer()
+            return cut(self.map_type, preview_of(self.map_type, layer) if preview else layer)
 
     def encoded_layer(self) -> bytes:
         """The offered layer in its canonical encoding."""
@@ -67,12 +75,11 @@ class OwnMap:
     def provenance(self) -> Provenance:
         return Provenance(self.robot, EPOCH, self.reversal.offered_version)
 
-    def receive(self, data: bytes) -> Donation:
-        """A layer that another robot has sent, in its own type."""
-        message = LayerMessage.decode(data)
-        mine = message.map_type == self.map_type.name
-        map_type = self.map_type if mine else self.workshop.map_type(message.map_type)
-        return Donation(map_type.decode(message.payload), message.provenance)
+    def receive(self, sent: SentLayer) -> Donation:
+        """A layer that another robot has sent, in its own type; raises MapError when it cannot be read."""
+        mine = sent.map_type == self.map_type.name
+        map_type = self.map_type if mine else self.workshop.map_type(sent.map_type)
+        return Donation(sent.layer(map_type), sent.provenance)
 
     def show(
         self, why: Moment, stamp_ns: int, merge_id: str, merges: tuple[Merge, ...]

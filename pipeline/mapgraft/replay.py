@@ -2,51 +2,83 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import permutations
-from typing import Final
 
-from mapgraft.contracts import Meeting, Observation, Policy, Situation, Transform
-from mapgraft.errors import FailedPluginError, MapError, PluginError
+from mapgraft.contracts import MapError, Meeting, Observation, Policy, Situation, Transform
+from mapgraft.errors import FailedPluginError, PluginError
 from mapgraft.events import Sink
-from mapgraft.exchange import Traffic
-from mapgraft.graph.claims import Claim
 from mapgraft.guard import Guard
 from mapgraft.history import History
+from mapgraft.network.host import node_of
+from mapgraft.network.medium import Medium
+from mapgraft.network.radio import NS_PER_S, Conditions, Radio, Traffic
 from mapgraft.robot import Robot
 from mapgraft.soundness import sound_meetings
 from mapgraft.stopwatch import Stopwatch
 
-MOST_ROUNDS: Final = 64  # of telling within one meeting
+
+@dataclass(frozen=True, slots=True)
+class Network:
+    """How robots reach each other: what the radio does to messages, how long a contact lasts that a policy begins, how
+    long a robot waits for an answer, and whether it looks at previews first."""
+
+    conditions: Conditions = field(default_factory=Conditions)
+    window_ns: int = 10 * NS_PER_S
+    patience_ns: int = NS_PER_S
+    previews: bool = False
 
 
 @dataclass(slots=True)
 class Exchange:
-    """The meetings of one mission: asks the policy when they are due, and carries bytes between the robots."""
+    """The meetings of one mission: asks the policy when they are due, and lets the robots meet on the radio."""
 
     policy: Policy
     robots: Mapping[str, Robot]
     T_world_map: Mapping[str, Transform] = field(default_factory=dict)
-    traffic: Traffic = field(default_factory=Traffic)
+    network: Network = field(default_factory=Network)
     watch: Stopwatch = field(default_factory=Stopwatch)
     guard: Guard = field(default_factory=Guard)
     history: History | None = None
     policy_name: str = ""
     T_map_base: dict[str, Transform] = field(default_factory=dict)
+    medium: Medium = field(init=False)
     _start_ns: int | None = None
     _asked_ns: int = 0
 
-    def until(self, now_ns: int, ending: bool = False) -> None:
-        """Hold every meeting that is due up to now."""
+    def __post_init__(self) -> None:
+        how = self.network
+        nodes = {name: node_of(robot, how.patience_ns, how.previews) for name, robot in sorted(self.robots.items())}
+        radio = Radio(how.conditions)
+        self.medium = Medium(nodes, self._is_out, self._failed, radio, how.window_ns)
+
+    @property
+    def traffic(self) -> Traffic:
+        """The bytes that were sent."""
+        return self.medium.traffic
+
+    def until(self, now_ns: int, ending: bool = False) -> int:
+        """Hold every meeting that is due up to now, and deliver what is due.
+
+        At the end the radio goes on as long as a contact that begins now would last. Returns when it all ended.
+        """
         if self._start_ns is None:
             self._start_ns = self._asked_ns = now_ns
-        situation = Situation(self._start_ns, self._asked_ns, now_ns, self.T_map_base, self.T_world_map, ending)
+            self.medium.radio.begin(now_ns)
+        placed = Placements(self.robots)
+        situation = Situation(self._start_ns, self._asked_ns, now_ns, self.T_map_base, self.T_world_map, ending, placed)
         for meeting in self._due(situation):
             with self.watch.stage("exchanging"):
+                self.medium.until(meeting.stamp_ns)
                 self.hold(meeting)
         self._asked_ns = now_ns
+        until_ns = now_ns + self.network.window_ns if ending else now_ns
+        while (at_ns := self.medium.next_ns()) is not None and at_ns <= until_ns:
+            now_ns = max(now_ns, at_ns)
+            with self.watch.stage("exchanging", 0):
+                self.medium.until(at_ns)
+        return now_ns
 
     def _due(self, situation: Situation) -> Sequence[Meeting]:
         """What the policy says; a policy that fails too often is not asked again, and nobody meets any more."""
@@ -63,77 +95,32 @@ class Exchange:
             return ()
 
     def hold(self, meeting: Meeting) -> None:
-        """Every receiver considers every donor's offer; layers travel only where they are fetched."""
-        pairs = meeting.pairs if meeting.pairs is not None else tuple(permutations(sorted(self.robots), 2))
-        offers: dict[str, bytes] = {}
-        for donor in dict.fromkeys(donor for _, donor in pairs if not self.robots[donor].failed):
-            with self._ending(donor, meeting.stamp_ns):
-                offers[donor] = self.robots[donor].offer()
-        for receiver, donor in pairs:
-            if donor in offers and not (self.robots[donor].failed or self.robots[receiver].failed):
-                offer = self.traffic.carry(donor, receiver, offers[donor])
-                with self._ending(receiver, meeting.stamp_ns):
-                    self.robots[receiver].consider(
-                        offer, self._fetch(donor, receiver, meeting.stamp_ns), meeting.stamp_ns
-                    )
+        """Let robots meet; on a perfect radio everything that follows from it follows at once."""
+        everybody = tuple(permutations(sorted(self.robots), 2))
+        self.medium.hold(everybody if meeting.pairs is None else meeting.pairs, meeting.stamp_ns)
 
-        self._pass_on([(r, d) for r, d in pairs if d in offers], meeting.stamp_ns)
+    def _is_out(self, robot: str) -> bool:
+        return bool(self.robots[robot].failed)
 
-    def _pass_on(self, pairs: Sequence[tuple[str, str]], stamp_ns: int) -> None:
-        """Everybody tells what he claims and has heard, and hands on the layers that are wanted, until all is told."""
-        for name in dict.fromkeys(name for pair in pairs for name in pair):
-            if not self.robots[name].failed:
-                self.robots[name].graph.publish(stamp_ns)
-        for _ in range(MOST_ROUNDS):
-            told = False
-            for receiver, donor in pairs:
-                if not (self.robots[donor].failed or self.robots[receiver].failed):
-                    told = self._tell(donor, receiver) or told
-            for receiver in dict.fromkeys(receiver for receiver, _ in pairs):
-                before = self.robots[receiver].claims.version
-                with self._ending(receiver, stamp_ns):
-                    self.robots[receiver].heard(stamp_ns)
-                told = told or self.robots[receiver].claims.version != before
-            if not told:
-                return
+    def _failed(self, robot: str, error: PluginError | MapError, stamp_ns: int) -> None:
+        self.robots[robot].fail(error, stamp_ns)
 
-    def _tell(self, donor: str, receiver: str) -> bool:
-        """What one robot tells another of claims and layers that are not its own; False when all of it was known."""
-        giving, taking = self.robots[donor].graph, self.robots[receiver].graph
-        told = False
-        if giving.claims.digest() != taking.claims.digest():
-            for claim in giving.claims:
-                data = self.traffic.carry(donor, receiver, claim.encode())
-                told = taking.claims.add(Claim.decode(data)) or told
-        for source, version in taking.wants().items():
-            if giving.version(source) > version:
-                message = self.robots[donor].layer() if source == giving.me else giving.layers.message(source)
-                if message is not None:
-                    told = taking.layers.add(self.traffic.carry(donor, receiver, message)) or told
-        return told
 
-    @contextmanager
-    def _ending(self, robot: str, stamp_ns: int) -> Iterator[None]:
-        """What comes through is the fault of the robot's own map type: its part in the run ends, the others go on."""
-        try:
-            yield
-        except (PluginError, MapError) as error:
-            self.robots[robot].fail(error, stamp_ns)
+class Placements(Mapping[tuple[str, str], Transform]):
+    """Where robots have merged others, (receiver, donor) → transform, as of now; looked up when somebody asks."""
 
-    def _fetch(self, donor: str, receiver: str, stamp_ns: int) -> Callable[[], bytes]:
-        fetched: list[bytes] = []
+    def __init__(self, robots: Mapping[str, Robot]) -> None:
+        self._robots = robots
 
-        def fetch() -> bytes:
-            if not fetched:
-                try:
-                    layer = self.robots[donor].layer()
-                except (PluginError, MapError) as error:
-                    self.robots[donor].fail(error, stamp_ns)
-                    raise MapError(f"{donor} cannot send its map: {error}") from error
-                fetched.append(self.traffic.carry(donor, receiver, layer))
-            return fetched[0]
+    def __getitem__(self, pair: tuple[str, str]) -> Transform:
+        receiver, donor = pair
+        return self._robots[receiver].merges[donor].comparison.T_receiver_donor
 
-        return fetch
+    def __iter__(self) -> Iterator[tuple[str, str]]:
+        return iter([(name, donor) for name, robot in sorted(self._robots.items()) for donor in sorted(robot.merges)])
+
+    def __len__(self) -> int:
+        return sum(len(robot.merges) for robot in self._robots.values())
 
 
 def replay(observations: Iterable[Observation], robots: Mapping[str, Robot], exchange: Exchange, sink: Sink) -> int:
@@ -149,7 +136,7 @@ def replay(observations: Iterable[Observation], robots: Mapping[str, Robot], exc
         exchange.T_map_base[observation.robot] = observation.T_map_base
         sink.observed(observation)
         count += 1
-    exchange.until(now_ns, ending=True)
+    now_ns = exchange.until(now_ns, ending=True)
     for name in sorted(robots):
         robots[name].finish(now_ns)
     return count

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 from mapgraft.attempt import Attempt, Attempts, Grafted
 from mapgraft.candidates import Candidates, LastAttempt
-from mapgraft.contracts import MapMetadata, MapType, Observation, Prior, Provenance
-from mapgraft.decision import DecisionTable, facts_of
+from mapgraft.contracts import MapMetadata, MapType, Observation, Provenance
+from mapgraft.decision import DecisionTable
+from mapgraft.encounter import Encounter, Rules
 from mapgraft.errors import FailedPluginError, MapError, PluginError
-from mapgraft.exchange import Offer
+from mapgraft.exchange import Offer, SentLayer
 from mapgraft.graph.claims import Claims, Source
 from mapgraft.graph.consistency import Settings
 from mapgraft.graph.member import Member, Through
@@ -19,25 +19,11 @@ from mapgraft.history import Journal
 from mapgraft.left_out import LeftOut
 from mapgraft.merge import Merge
 from mapgraft.own_map import OwnMap
-from mapgraft.persons import Hand, sigma_m
+from mapgraft.persons import Hand
 from mapgraft.procedures import Tools, Workshop
 from mapgraft.registration import Site
 from mapgraft.reversal import Reversal
-from mapgraft.standing import Fetch, Standing
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Encounter:
-    """What receiver and donor tell of their maps before one attempt, and what is known of how they site."""
-
-    own: MapMetadata
-    other: MapMetadata
-    prior: Prior | None
-    stamp_ns: int
-
-    @property
-    def site(self) -> Site:
-        return Site.of(self.own, self.other)
+from mapgraft.standing import Standing
 
 
 @dataclass(slots=True)
@@ -122,69 +108,89 @@ class Robot:
         """What this robot tells about its map; raises FailedPluginError or MapError when its type cannot tell."""
         return self.own.offer()
 
-    def layer(self) -> bytes:
-        """This robot's own evidence, raw and in its own frame, ready to send; raises as ``offer``."""
+    def layer(self) -> SentLayer:
+        """This robot's own evidence, raw and in its own frame, as a whole; raises as ``offer``."""
         return self.own.layer()
 
-    def consider(self, offer: bytes, fetch: Fetch, stamp_ns: int) -> None:
-        """Decide about a donor's offer: turn it away, merge its map, or bring a standing merge up to date."""
+    def wants(self, offer: bytes, size: int, stamp_ns: int) -> bool:
+        """Whether a donor's layer is wanted: to bring a standing merge up to date, or to try to merge it.
+
+        ``size`` is how many bytes told of it. What is turned away is written down. Raises MapError when the bytes are
+        no offer.
+        """
         received = Offer.decode(offer)
-        donor, fetch = received.provenance.source, self._keeping(fetch)
+        donor = received.provenance.source
         if (standing := self.merges.get(donor)) is not None:
-            self.standing.update(standing, received, fetch, stamp_ns)
-            return
+            return self.standing.awaits(standing, received)
         both = (self.reversal.version, received.provenance)
         if self.looked_at.get(donor) == both:  # neither map has changed since: the answer would be the same
-            return
+            return False
         self.looked_at[donor] = both
         if self.hand.forbids(self.name, donor):
-            self.journal.offered(stamp_ns, received.provenance, len(offer))
+            self.journal.offered(stamp_ns, received.provenance, size)
             self.journal.forbidden(stamp_ns, donor)
-            return
+            return False
         with self.own.asking():
             met = self._encounter(donor, received.metadata, stamp_ns)
-        self._decide(received, len(offer), fetch, met)
+        rules = Rules(self.table, self.workshop, met, self.reversal.name)
+        rule = rules.next()
+        if rule and self.candidates.waits(donor, rule.name, rule.retry.growth, met.own, met.other):
+            return False
+        self.journal.offered(stamp_ns, received.provenance, size)
+        if rule is None:
+            self.journal.rejected(stamp_ns, donor, rules.ruling)
+        return rule is not None
 
-    def _keeping(self, fetch: Fetch) -> Fetch:
-        """What is fetched is held, to attach it or pass it on."""
+    def consider(self, offer: bytes, sent: SentLayer, stamp_ns: int, preview: bool = False) -> bool:
+        """Decide about a donor's layer that was wanted: merge it, or bring a standing merge up to date.
 
-        def keeping() -> bytes:
-            data = fetch()
-            with suppress(MapError):  # who asked for it says so
-                self.graph.layers.add(data)
-            return data
+        Of a ``preview`` only this is found out, whether the layer itself is worth to be sent: what comes back.
+        """
+        received = Offer.decode(offer)
+        donor = received.provenance.source
+        if (standing := self.merges.get(donor)) is not None:
+            if not preview and self.standing.awaits(standing, received):
+                self.standing.update(standing, received.metadata, sent, stamp_ns)
+            return preview
+        with self.own.asking():
+            met = self._encounter(donor, received.metadata, stamp_ns)
+        return self._decide(donor, sent, met, preview)
 
-        return keeping
+    def refused(self, offer: bytes, reason: str, stamp_ns: int) -> None:
+        """A donor's layer that was wanted cannot be had."""
+        received = Offer.decode(offer)
+        if received.provenance.source in self.merges:
+            return
+        with self.own.asking():
+            met = self._encounter(received.provenance.source, received.metadata, stamp_ns)
+        rule = Rules(self.table, self.workshop, met, self.reversal.name).next()
+        if rule is not None:
+            self._unusable(self.workshop.tools(rule), received.provenance, met, reason)
 
-    def _decide(self, received: Offer, size: int, fetch: Fetch, met: Encounter) -> None:
+    def _decide(self, donor: str, sent: SentLayer, met: Encounter, preview: bool) -> bool:
         """Try the first rule that applies; where a plugin of it fails, say so and go on with the next one."""
-        donor, stamp_ns, told = received.provenance.source, met.stamp_ns, False
-        facts = facts_of(met.own, met.other, sigma_m(met.prior), self.reversal.name)
-        rules, own, other = [record.rule for record in self.table.records], met.own.type, met.other.type
-        passed = {id(rule): why for rule in rules if (why := self.workshop.out_of_order(rule, own, other))}
-        while True:
-            ruling = self.table.choose(facts, passed)
-            rule = None if ruling.rejected else ruling.rule
-            if rule and self.candidates.waits(donor, rule.name, rule.retry.growth, met.own, met.other):
-                return
-            if not told:
-                self.journal.offered(stamp_ns, received.provenance, size)
-                told = True
-            if rule is None:
-                self.journal.rejected(stamp_ns, donor, ruling)
-                return
+        rules = Rules(self.table, self.workshop, met, self.reversal.name)
+        while (rule := rules.next()) is not None:
+            if self.candidates.waits(donor, rule.name, rule.retry.growth, met.own, met.other):
+                return False
             try:
                 tools = self.workshop.tools(rule)
-                self._attempt(tools, fetch(), met)
-                return
+                return self._attempt(tools, sent, met, preview)
             except MapError as error:  # what the donor sent, or the map that would come of it, cannot be used
-                attempt, merge_id = Attempt("unmatched", str(error), 0), self.candidates.next_id(self.name, donor)
-                self.candidates.keep(donor, LastAttempt(merge_id, rule.name, None, met.own, met.other))
-                self.journal.attempted(stamp_ns, attempt, tools, merge_id, received.provenance, 0)
-                return
+                self._unusable(tools, sent.provenance, met, str(error))
+                return False
             except PluginError as error:
-                self.standing.complain(error, stamp_ns, donor, rule.name)
-                passed[id(rule)] = str(error)
+                self.standing.complain(error, met.stamp_ns, donor, rule.name)
+                rules.pass_over(rule, str(error))
+        self.journal.rejected(met.stamp_ns, donor, rules.ruling)
+        return False
+
+    def _unusable(self, tools: Tools, provenance: Provenance, met: Encounter, reason: str) -> None:
+        """An attempt that came to nothing, because there was nothing to try."""
+        donor = provenance.source
+        attempt, merge_id = Attempt("unmatched", reason, 0), self.candidates.next_id(self.name, donor)
+        self.candidates.keep(donor, LastAttempt(merge_id, tools.rule.name, None, met.own, met.other))
+        self.journal.attempted(met.stamp_ns, attempt, tools, merge_id, provenance, 0)
 
     def _encounter(self, donor: str, other: MapMetadata, stamp_ns: int) -> Encounter:
         """A prior is left out where the donor was taken out from there before."""
@@ -195,21 +201,27 @@ class Robot:
             prior = None
         return Encounter(own, other, prior, stamp_ns)
 
-    def _attempt(self, tools: Tools, data: bytes, met: Encounter) -> None:
-        donation = self.own.receive(data)
+    def _attempt(self, tools: Tools, sent: SentLayer, met: Encounter, preview: bool) -> bool:
+        """One attempt, written down; a preview is only held against the own map, and then says whether to go on."""
+        donation = self.own.receive(sent)
         donor = donation.provenance.source
         attempt = self.attempts.make(tools, donation, met.prior, met.site.about_m)
+        if preview:
+            if attempt.verdict != "unmatched":
+                return True
+            attempt = replace(attempt, reason=f"{attempt.reason} (from its preview)")
         merge_id = self.candidates.next_id(self.name, donor)
         if before := self.candidates.same_as_before(donor, attempt.match, met.site.about_m):
             attempt = replace(attempt, reason=f"{attempt.reason} (the same place as {before})")
         if attempt.grafted is None:
             last = LastAttempt(merge_id, tools.rule.name, attempt.match, met.own, met.other)
             self.candidates.keep(donor, last)
-            self.journal.attempted(met.stamp_ns, attempt, tools, merge_id, donation.provenance, len(data))
+            self.journal.attempted(met.stamp_ns, attempt, tools, merge_id, donation.provenance, sent.size)
         else:
             self.candidates.forget(donor)
-            merge = self._merge(attempt, attempt.grafted, tools, merge_id, len(data), met)
+            merge = self._merge(attempt, attempt.grafted, tools, merge_id, sent.size, met)
             self._obey(merge, met.stamp_ns)
+        return False
 
     def _merge(
         self, attempt: Attempt, grafted: Grafted, tools: Tools, merge_id: str, size: int, met: Encounter

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
 from mapgraft.attempt import Attempts, Grafted, Meeting
-from mapgraft.contracts import Observation, Region, Sample, Verdict
+from mapgraft.contracts import MapMetadata, Observation, Region, Sample, Verdict
 from mapgraft.errors import MapError, PluginError
-from mapgraft.exchange import Offer
+from mapgraft.exchange import Offer, SentLayer
 from mapgraft.graph.claims import Source
 from mapgraft.history import Journal, Moment
 from mapgraft.merge import Merge
@@ -20,7 +20,6 @@ from mapgraft.registration import Move, Site
 from mapgraft.reversal import Reversal
 from mapgraft.trail import Trail
 
-Fetch = Callable[[], bytes]
 LONG: Final = 64  # observations: so often it is found out which of them are still needed
 
 
@@ -94,21 +93,24 @@ class Standing:
         self.by_donor[merge.donor] = merge
         self.changes += 1
 
-    def update(self, merge: Merge, offer: Offer, fetch: Fetch, stamp_ns: int) -> None:
+    def awaits(self, merge: Merge, offer: Offer) -> bool:
+        """Whether what a donor offers is newer than what stands in the map, and can take its place there."""
+        if self.reversal.name == "single_map":  # which cannot tell the share
+            return False
+        return offer.provenance.version > merge.provenance.version
+
+    def update(self, merge: Merge, metadata: MapMetadata, sent: SentLayer, stamp_ns: int) -> None:
         """Put the donor's newer layer in the place of the older one, where it lies best now, and look at it again."""
-        if offer.provenance == merge.provenance or self.reversal.name == "single_map":  # which cannot tell the share
-            return
-        data = fetch()
-        merge.site = replace(Site.of(offer.metadata, offer.metadata), cell_m=merge.site.cell_m)
+        merge.site = replace(Site.of(metadata, metadata), cell_m=merge.site.cell_m)
         try:
-            meeting = self.attempts.meet(merge.tools, self.own.receive(data))
+            meeting = self.attempts.meet(merge.tools, self.own.receive(sent))
             move = self._find_move(merge, meeting)
             grafted = self.attempts.graft(merge.tools, meeting, move.match if move else merge.match)
             moved = f"; {move.reason}" if move else ""
-            self._swap(merge, grafted, f"the donor has gone on mapping{moved}", "exchange", stamp_ns, len(data))
+            self._swap(merge, grafted, f"the donor has gone on mapping{moved}", "exchange", stamp_ns, sent.size)
         except MapError as error:
             reason = f"the donor's newer map is left aside: {error}"
-            self.journal.changed("verified", stamp_ns, merge, reason, "exchange", size=len(data))
+            self.journal.changed("verified", stamp_ns, merge, reason, "exchange", size=sent.size)
         except PluginError as error:
             self.complain(error, stamp_ns, merge.donor, merge=merge)
 

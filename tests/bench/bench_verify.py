@@ -137,7 +137,7 @@ def merged(scans: Sequence[Observation], parts: list[Sequence[Observation]], ver
         other = robot_of(name, plugins, table, Hand())
         for observation in part:
             other.observe(replace(observation, robot=name))
-        robot.consider(other.offer(), other.layer, scans[BEFORE].stamp_ns)
+        robot.consider(other.offer(), other.layer(), scans[BEFORE].stamp_ns)
     assert len(robot.merges) == len(parts), [event.reason for event in robot.journal.history.events]
     return robot
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mapgraft.config import LimitsConfig
 from mapgraft.contracts import Donation, Meeting, Observation, Provenance, Transform
 from mapgraft.decision import build_table
-from mapgraft.exchange import LayerMessage, Offer
+from mapgraft.exchange import Offer, SentLayer
 from mapgraft.history import History, Journal
 from mapgraft.persons import Hand
 from mapgraft.plugins import Origin, load_plugin
@@ -171,8 +171,10 @@ def test_a_conversion_that_fails_too_often_is_not_asked_again(meet, monkeypatch)
         layer = kind.new_layer()
         kind.integrate(layer, heard("bravo", version))
         told = Provenance("bravo", 1, version)
-        sent = LayerMessage(told, kind.name, kind.encode(layer)).encode()
-        alpha.consider(Offer(told, kind.metadata(layer)).encode(), lambda sent=sent: sent, version * SECOND)
+        data, offer = kind.encode(layer), Offer(told, kind.metadata(layer)).encode()
+        if alpha.wants(offer, len(offer), version * SECOND):
+            sent = SentLayer(told, kind.name, "whole", lambda data=data: {b"": data}, len(data))
+            alpha.consider(offer, sent, version * SECOND)
     failed = [event for event in history.events if event.kind == "failed"]
     assert len(asked) == len(failed) == LimitsConfig().failures
     assert {event.by for event in failed} == {"conversion taps_to_beacons"}

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mapgraft.config import PriorConfig
 from mapgraft.contracts import MapError, MapMetadata, Provenance, Transform
-from mapgraft.exchange import LayerMessage, Offer, Traffic
+from mapgraft.exchange import Offer
 from mapgraft.persons import given_priors, inverse_prior, planar_covariance, prior_of, recorded_priors
 
 NAMES = st.text(min_size=1, max_size=8)
@@ -28,25 +28,10 @@ def test_an_offer_survives_the_way(provenance, bounds, extra):
     assert Offer.decode(offer.encode()).encode() == offer.encode()
 
 
-@given(payload=st.binary(max_size=100), name=NAMES)
-def test_a_layer_survives_the_way(payload, name):
-    message = LayerMessage(Provenance(name, 1, 2), "grid", payload)
-    assert LayerMessage.decode(message.encode()) == message
-
-
 @given(data=st.binary(max_size=60))
-def test_noise_is_neither_an_offer_nor_a_layer(data):
+def test_noise_is_no_offer(data):
     with pytest.raises(MapError, match="an offer of"):
         Offer.decode(data)
-    with pytest.raises(MapError, match="a layer message of"):
-        LayerMessage.decode(data)
-
-
-def test_bytes_are_counted_per_pair():
-    traffic = Traffic()
-    for size in (3, 4):
-        assert traffic.carry("a", "b", b"x" * size) == b"x" * size
-    assert traffic.sent == {("a", "b"): 7}
 
 
 @given(x=st.floats(-20, 20), y=st.floats(-20, 20), yaw=st.floats(-3, 3))

@@ -28,9 +28,8 @@ def test_two_robots_merge_and_confirm(play):
     assert merged.rule == "beacons with beacons"
     assert merged.measurements[0].name == "disagreement"
     assert dict(robots["alpha"].reversal.fused().counts) == {0: 3, 2: 3, 5: 3}
-    assert exchange.traffic.sent["bravo", "alpha"] == sum(
-        e.bytes_received for e in memory.events if e.receiver == "alpha"
-    )
+    told = {kind: exchange.traffic.bytes["bravo", "alpha", kind] for kind in ("hello", "layer")}
+    assert sum(told.values()) == sum(e.bytes_received for e in memory.events if e.receiver == "alpha")
     assert [e.seq for e in memory.events] == list(range(len(memory.events)))
 
 

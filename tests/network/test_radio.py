@@ -126,4 +126,4 @@ def test_bytes_are_counted_by_pair_and_by_kind():
     traffic = Traffic()
     for kind, size in (("hello", 3), ("parts", 40), ("hello", 4)):
         traffic.count("a", "b", kind, size)
-    assert traffic.sent == {("a", "b"): 47} and traffic.kinds == {("a", "hello"): 7, ("a", "parts"): 40}
+    assert traffic.sent == {("a", "b"): 47} and traffic.received == {("b", "hello"): 7, ("b", "parts"): 40}

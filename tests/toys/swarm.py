@@ -25,13 +25,13 @@ from mapgraft.contracts import (
     Scan,
     Transform,
 )
-from mapgraft.exchange import Offer
+from mapgraft.exchange import Form, Offer
 from mapgraft.graph.chains import Chain, best_chains
 from mapgraft.graph.claims import Claim, Claims, Source
 from mapgraft.network.node import Node, Wish
 from mapgraft.network.radio import NS_PER_S, Conditions, Radio, Traffic
 from mapgraft.network.replica import Whole
-from mapgraft.network.wire import Aspect, Copy, Form, encode, kind_of
+from mapgraft.network.wire import Aspect, Copy, encode, kind_of
 from mapgraft.reversal import Reversal, new_reversal
 from mapgraft_grid.map_type import OccupancyGrid
 from mapgraft_grid.weights import TileWeights
@@ -145,8 +145,10 @@ class Robot:
             return "layer"
         if self.claims.of(self.source, donor) is None and provenance.version:
             self.claim(donor, "provisional")
-        self.heard(stamp_ns)
         return "nothing"
+
+    def passed_on(self, whole: Whole, size: int, stamp_ns: int) -> None:
+        """It is in the replica."""
 
     def refused(self, offer: bytes, reason: str, stamp_ns: int) -> None:
         self.refusals.append(reason)
@@ -178,7 +180,7 @@ class Robot:
             whole = self.node.replica.whole(Copy(source, "layer"))
             assert whole is not None
             provenance = Provenance(*source, whole.head.version)
-            contribution = placed(self.map_type, self.map_type.join(whole.parts), chains[source], provenance)
+            contribution = placed(self.map_type, self.map_type.join(whole.parts()), chains[source], provenance)
             (self.reversal.replace if source in self._attached else self.reversal.merge)(merge_id, contribution)
             self._attached[source] = (merge_id, basis)
 
@@ -262,7 +264,7 @@ class Swarm:
         if not found:
             return None
         whole = max(found, key=lambda one: one.head.version)
-        return whole.head.version, grid().join(whole.parts)
+        return whole.head.version, grid().join(whole.parts())
 
     def disagreements(self) -> list[str]:
         """What is not as it must be after everybody has met everybody."""

@@ -22,7 +22,8 @@ class Situation:
 
     ``start_ns`` is the mission's first stamp; the policy answers for (``previous_ns``, ``now_ns``]. ``T_map_base`` is
     each robot's last pose in its own map frame, ``T_world_map`` where the recording itself places that frame in one
-    world, for robots of which it does. ``ending`` is True once, after the last observation.
+    world, for robots of which it does. ``ending`` is True once, after the last observation. ``T_receiver_donor`` is
+    where robots have merged others' maps, by (receiver, donor).
     """
 
     start_ns: int
@@ -31,6 +32,7 @@ class Situation:
     T_map_base: Mapping[str, Transform] = field(default_factory=dict)
     T_world_map: Mapping[str, Transform] = field(default_factory=dict)
     ending: bool = False
+    T_receiver_donor: Mapping[tuple[str, str], Transform] = field(default_factory=dict)
 
 
 class Policy(Protocol):

@@ -69,7 +69,9 @@ def attempt(pair: Pair, donor: Robot, table: DecisionTable, workshop: Workshop, 
         side = pair.receiver
         receiver = _robot(RECEIVER, side.map_type, table, workshop, reversal, history, side.observations)
         stamp_ns = side.observations[-1].stamp_ns
-        receiver.consider(donor.offer(), donor.layer, stamp_ns)
+        offer = donor.offer()
+        if receiver.wants(offer, len(offer), stamp_ns):
+            receiver.consider(offer, donor.layer(), stamp_ns)
         attempted = history.events[-1]
         took = _map_on(receiver, pair.further, witness) if receiver.merges else _Took()
         _require_no_failure(history.events)

@@ -11,6 +11,7 @@ from mapgraft.attempt import Grafted, Meeting
 from mapgraft.contracts import Donation, MapMetadata, Match, Prior
 from mapgraft.decision import DecisionTable, Rule, facts_of
 from mapgraft.errors import MapError, PluginError
+from mapgraft.exchange import SentLayer
 from mapgraft.graph.chains import Chain
 from mapgraft.graph.claims import Source
 from mapgraft.graph.held import Layers
@@ -45,14 +46,14 @@ class Attachments:
             if source not in wanted and merge.chain is not None:
                 self.detach(source, why_not(merge.chain), stamp_ns)
         for source, chain in sorted(wanted.items()):
-            message = layers.message(source)
-            if message is None:
+            sent = layers.sent(source)
+            if sent is None:
                 continue
             try:
                 if source in self.standing.attached:
-                    self._renew(source, self.standing.attached[source], chain, message, stamp_ns)
+                    self._renew(source, self.standing.attached[source], chain, sent, stamp_ns)
                 else:
-                    self._attach(source, chain, message, stamp_ns)
+                    self._attach(source, chain, sent, stamp_ns)
             except MapError as error:
                 self.detach(source, str(error), stamp_ns)
                 self.leave(source, str(error), stamp_ns)
@@ -71,8 +72,8 @@ class Attachments:
         self.standing.journal.changed("detached", stamp_ns, merge, reason, BY, exactness=exactness)
         self.standing.show("after revert", stamp_ns, merge.merge_id)
 
-    def _attach(self, source: Source, chain: Chain, message: bytes, stamp_ns: int) -> None:
-        donation = self.standing.own.receive(message)
+    def _attach(self, source: Source, chain: Chain, sent: SentLayer, stamp_ns: int) -> None:
+        donation = self.standing.own.receive(sent)
         other = self._metadata(donation)
         site = Site.of(self.standing.own.own_metadata(), other)
         match = _match(chain)
@@ -91,7 +92,7 @@ class Attachments:
         self.left_aside.pop(source, None)
         reason = f"through {_told(chain)}"
         merge = self.standing.attached[source]
-        self.standing.journal.changed("attached", stamp_ns, merge, reason, BY, size=len(message))
+        self.standing.journal.changed("attached", stamp_ns, merge, reason, BY, size=sent.size)
         self.standing.show("after merge", stamp_ns, name)
         merge.start(stamp_ns)
 
@@ -108,10 +109,10 @@ class Attachments:
         standing.attached[source] = Merge(*made, standing.trail, site, grafted.meeting, chain)
         self._made_of[source] = (contribution.provenance.version, standing.reversal.version)
 
-    def _renew(self, source: Source, merge: Merge, chain: Chain, message: bytes, stamp_ns: int) -> None:
+    def _renew(self, source: Source, merge: Merge, chain: Chain, sent: SentLayer, stamp_ns: int) -> None:
         """Make the contribution again where anything it is made of has changed."""
         standing, before = self.standing, merge.chain
-        meeting, version, _ = self._meeting(source, merge, message)
+        meeting, version, _ = self._meeting(source, merge, sent)
         match = _match(chain)
         T = match.T_receiver_donor
         moved = merge.match.T_receiver_donor != T or match.scale != merge.match.scale
@@ -136,17 +137,15 @@ class Attachments:
             moved = worth or before is None or _ids(before) != _ids(chain)
         if moved or newer:
             reason = _why_anew(before, chain, newer)
-            standing.journal.changed("reattached", stamp_ns, merge, reason, BY, size=len(message) if newer else 0)
+            standing.journal.changed("reattached", stamp_ns, merge, reason, BY, size=sent.size if newer else 0)
 
-    def _meeting(self, source: Source, merge: Merge, message: bytes) -> tuple[Meeting, int, int]:
+    def _meeting(self, source: Source, merge: Merge, sent: SentLayer) -> tuple[Meeting, int, int]:
         """Where the held layer meets the own one; as it was when it is still the same layer."""
-        from mapgraft.exchange import LayerMessage
-
-        version = LayerMessage.decode(message).provenance.version
+        version = sent.provenance.version
         if merge.meeting is not None and merge.meeting.provenance.version == version:
             return merge.meeting, version, 0
-        donation = self.standing.own.receive(message)
-        return self.standing.attempts.meet(merge.tools, donation), version, len(message)
+        donation = self.standing.own.receive(sent)
+        return self.standing.attempts.meet(merge.tools, donation), version, sent.size
 
     def _metadata(self, donation: Donation) -> MapMetadata:
         own, other = self.standing.own.map_type, donation.layer.map_type

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple
 
 from mapgraft.contracts import MapError
+from mapgraft.exchange import Form
 from mapgraft.network.packing import difference, pack, restored, unpack
 from mapgraft.network.wire import DIGEST, MOST_BYTES, MOST_NAME, PIECE, Head, Piece, digest_of
 
@@ -61,7 +62,7 @@ class Held:
         """The last version that was complete; 0 where none was."""
         return 0 if self.whole is None else self.whole.version
 
-    def publish(self, writer: bytes, offer: bytes, version: int, form: Literal["parts", "whole"],
+    def publish(self, writer: bytes, offer: bytes, version: int, form: Form,
                 raw: Mapping[bytes, bytes]) -> None:  # fmt: skip
         """Put a version of one's own in the place of the last one, as parts in pieces (see ``pieces_of``).
 
@@ -132,10 +133,6 @@ class Held:
                     yield Piece(name, part.version, "gone")
             else:
                 yield self._piece(name, part, self._base(name, since) if exact else None)
-
-    def raw(self) -> dict[bytes, bytes]:
-        """The parts of the last complete version, as they were before they were cut into pieces."""
-        return joined({name: part.raw() for name, part in self.whole_parts.items() if part.packed is not None})
 
     def _apply(self, piece: Piece, version: int) -> bool:
         """Take one part in; False where it is told against what is not here."""
@@ -212,6 +209,11 @@ class Held:
         for kept in (self.parts, self.whole_parts, self._former, self._told):
             kept.clear()
         self._seen, self._sum, self._bytes = [], 0, 0
+
+
+def raw(parts: Mapping[bytes, Part]) -> dict[bytes, bytes]:
+    """Parts unpacked, and as they were before they were cut into pieces; those that are gone are left out."""
+    return joined({name: part.raw() for name, part in parts.items() if part.packed is not None})
 
 
 def _shortest(name: bytes, part: Part, base: Part | None) -> Piece:

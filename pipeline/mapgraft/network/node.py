@@ -8,14 +8,13 @@ from typing import Final, Literal, NamedTuple, Protocol
 
 from mapgraft.contracts import MapError
 from mapgraft.errors import PluginError
-from mapgraft.exchange import Offer
+from mapgraft.exchange import Form, Offer
 from mapgraft.graph.claims import Claims, Source
 from mapgraft.network.gossip import Gossip
 from mapgraft.network.replica import Replica, Whole
 from mapgraft.network.wire import (
     Aspect,
     Copy,
-    Form,
     Head,
     Hello,
     Message,
@@ -54,12 +53,16 @@ class Host(Protocol):
         """A layer or preview that was wanted is here, for so many bytes; says what is wanted now of that source."""
         ...
 
+    def passed_on(self, whole: Whole, size: int, stamp_ns: int) -> None:
+        """A layer of a third robot is here, for so many bytes."""
+        ...
+
     def refused(self, offer: bytes, reason: str, stamp_ns: int) -> None:
         """A layer or preview that was wanted cannot be had."""
         ...
 
     def heard(self, stamp_ns: int) -> None:
-        """Claims, or layers of third robots, have changed."""
+        """Draw the consequences of all claims and layers that are known by now; asked whenever something new may be."""
         ...
 
     def lacks(self) -> Collection[Source]:
@@ -164,6 +167,7 @@ class Node:
         """
         before = len(self.outbox)
         self.wake_ns = None
+        self.host.heard(now_ns)
         here = [peer for peer in neighbours if peer in self.peers]
         self._ask_again(now_ns, here)
         for source in sorted(self.host.lacks()):
@@ -302,7 +306,7 @@ class Node:
             return
         self._wake(now_ns + self.patience_ns)
         if not question.offer:
-            self.host.heard(now_ns)
+            self.host.passed_on(whole, question.size, now_ns)
             return
         wish = self.host.consider(whole, copy.aspect, question.size, now_ns)
         if wish == "layer" and copy.aspect == "preview":
@@ -311,7 +315,6 @@ class Node:
     def _learn(self, claims: Sequence[bytes], now_ns: int) -> None:
         if self.gossip.learn(claims):
             self._wake(now_ns + self.patience_ns)
-            self.host.heard(now_ns)
 
     def _is_namesake(self, sender: str, source: Source, writer: bytes) -> bool:
         """Whether a hello comes from the second of two robots that say they are one source; it is told so.
@@ -345,10 +348,10 @@ class Node:
         self.namesakes.add(source)
         if source != self.source or writer >= self.writer:
             return
-        epochs = [
-            one.epoch for one in (source, *(peer.source for peer in self.peers.values())) if one.name == source.name
-        ]
-        self.source = Source(source.name, max(epochs) + 1)
+        name = base_name(source.name)
+        known = (source, *(peer.source for peer in self.peers.values()))
+        epoch = 1 + max(one.epoch for one in known if base_name(one.name) == name)
+        self.source = Source(f"{name}~{epoch}", epoch)
         self.host.renamed(self.source)
 
     def _wake(self, at_ns: int) -> None:
@@ -356,6 +359,11 @@ class Node:
 
     def _say(self, receiver: str, *messages: Message) -> None:
         self.outbox += [Outgoing(receiver, message) for message in messages]
+
+
+def base_name(name: str) -> str:
+    """A robot's own name: one that begins again, or is not the only one of its name, is called ``name~2``."""
+    return name.partition("~")[0]
 
 
 class UnreadableError(MapError):

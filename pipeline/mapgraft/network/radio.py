@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -13,8 +13,9 @@ NS_PER_S: Final = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """From ``start_ns`` until before ``end_ns`` only robots of one group hear each other; None: to the end.
+    """From ``start_ns`` until before ``end_ns`` (None: to the end) only robots of one group hear each other.
 
+    Times count from the mission's beginning.
     Who is in no group hears nobody.
     """
 
@@ -87,6 +88,11 @@ class Radio:
         self._free_ns: dict[str, int] = {}  # when a robot's radio has sent all that waits
         self._coming: list[Delivery] = []
         self._number = 0
+        self._start_ns = 0
+
+    def begin(self, start_ns: int) -> None:
+        """The times of partitions count from here."""
+        self._start_ns = start_ns
 
     def connect(self, one: str, other: str, until_ns: int) -> None:
         """Two robots are in contact up to and including that time, or longer if they were to be."""
@@ -99,7 +105,9 @@ class Radio:
         until_ns = self._contacts.get(one, {}).get(other)
         if until_ns is None or now_ns > until_ns:
             return False
-        return not any(partition.separates(one, other, now_ns) for partition in self.conditions.partitions)
+        return not any(
+            partition.separates(one, other, now_ns - self._start_ns) for partition in self.conditions.partitions
+        )
 
     def neighbours(self, robot: str, now_ns: int) -> Sequence[str]:
         """Who is in contact with a robot now, by name."""
@@ -162,12 +170,27 @@ class Radio:
 
 @dataclass(slots=True)
 class Traffic:
-    """How many bytes were sent: ``sent`` from each robot to each other, ``kinds`` by robot that sent and kind."""
+    """How many bytes were sent, by sender, receiver and kind of message."""
 
-    sent: dict[tuple[str, str], int] = field(default_factory=dict)
-    kinds: dict[tuple[str, str], int] = field(default_factory=dict)
+    bytes: dict[tuple[str, str, str], int] = field(default_factory=dict)
 
     def count(self, sender: str, receiver: str, kind: str, size: int) -> None:
         """Count one message."""
-        self.sent[sender, receiver] = self.sent.get((sender, receiver), 0) + size
-        self.kinds[sender, kind] = self.kinds.get((sender, kind), 0) + size
+        self.bytes[sender, receiver, kind] = self.bytes.get((sender, receiver, kind), 0) + size
+
+    @property
+    def sent(self) -> dict[tuple[str, str], int]:
+        """By sender and receiver."""
+        return _summed((sender, receiver, size) for (sender, receiver, _), size in self.bytes.items())
+
+    @property
+    def received(self) -> dict[tuple[str, str], int]:
+        """By receiver and kind."""
+        return _summed((receiver, kind, size) for (_, receiver, kind), size in self.bytes.items())
+
+
+def _summed(items: Iterable[tuple[str, str, int]]) -> dict[tuple[str, str], int]:
+    out: dict[tuple[str, str], int] = {}
+    for one, other, size in items:
+        out[one, other] = out.get((one, other), 0) + size
+    return dict(sorted(out.items()))

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Final, NamedTuple
 
 from mapgraft.contracts import MapError
-from mapgraft.network.held import Held, Taken, messages_of
-from mapgraft.network.wire import Copy, Form, Head, Parts, Piece, Want
+from mapgraft.exchange import Form
+from mapgraft.network.held import Held, Taken, messages_of, raw
+from mapgraft.network.wire import Copy, Head, Parts, Piece, Want
 
 MOST_COPIES: Final = 4096
 
 
 class Whole(NamedTuple):
-    """One complete version: what its writer said of it, and its parts as the map type cut them."""
+    """One complete version: what its writer said of it, and what gives its parts as the map type cut them."""
 
     head: Head
-    parts: Mapping[bytes, bytes]
+    parts: Callable[[], Mapping[bytes, bytes]]
 
 
 @dataclass(slots=True)
@@ -46,9 +48,9 @@ class Replica:
         return None if held is None else held.whole
 
     def whole(self, copy: Copy) -> Whole | None:
-        """The last complete version, unpacked; None where there is none."""
+        """The last complete version; None where there is none. It stays what it is when newer ones come."""
         held = self.copies.get(copy)
-        return None if held is None or held.whole is None else Whole(held.whole, held.raw())
+        return None if held is None or held.whole is None else Whole(held.whole, partial(raw, held.whole_parts))
 
     def conflict(self, copy: Copy) -> str:
         """Why nothing more is taken of a copy; empty while something is."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple
 
 from mapgraft.contracts import MapError
+from mapgraft.exchange import Form
 from mapgraft.graph.claims import Source
 from mapgraft.network.packing import Reader, Writer, pack_offer, texts, unpack_offer, write_texts
 
@@ -27,7 +28,6 @@ DIGEST: Final = 16
 _CHECK: Final = 8
 
 Aspect = Literal["layer", "preview"]
-Form = Literal["parts", "whole"]
 Change = Literal["gone", "whole", "difference", "against"]
 _ASPECTS: Final[tuple[Aspect, ...]] = ("layer", "preview")
 _FORMS: Final[tuple[Form, ...]] = ("parts", "whole")
