@@ -6,11 +6,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mapgraft.config import Config, MapConfig
+from mapgraft.config import Config, ConsistencyConfig, MapConfig
 from mapgraft.contracts import MapType
 from mapgraft.decision import DecisionTable
 from mapgraft.errors import ConfigError, PluginError
 from mapgraft.events import Sink
+from mapgraft.graph.consistency import Settings
+from mapgraft.graph.loops import Tolerance
 from mapgraft.history import History, Journal
 from mapgraft.persons import Hand, given_priors, recorded_priors
 from mapgraft.plugins import Plugins
@@ -38,7 +40,7 @@ def assemble(mission: Mission, config: Config, plugins: Plugins, table: Decision
     guard = mission.guard  # one for all: only one can be armed at a time
     workshop, history = Workshop(plugins, guard=guard), History(sink)
     workshop.prepare(table)
-    hand = hand_of(config, mission)
+    hand, consistency = hand_of(config, mission), settings_of(config.consistency)
     robots: dict[str, Robot] = {}
     for source in mission.robots:
         map_type = map_type_of(source.name, source.kinds, config, workshop)
@@ -46,7 +48,8 @@ def assemble(mission: Mission, config: Config, plugins: Plugins, table: Decision
         reversal_name = (robot_config.reversal if robot_config else None) or config.reversal
         reversal = new_reversal(reversal_name, map_type)
         journal = Journal(history, source.name, map_type, reversal, config.output.snapshots)
-        robots[source.name] = Robot(source.name, map_type, reversal, table, workshop, hand, journal)
+        made = (source.name, map_type, reversal, table, workshop, hand, journal)
+        robots[source.name] = Robot(*made, through=config.exchange.through, consistency=consistency)
     try:
         policy = workshop.policy(config.exchange.use, config.exchange.parameters)
     except (ConfigError, PluginError) as error:
@@ -55,6 +58,16 @@ def assemble(mission: Mission, config: Config, plugins: Plugins, table: Decision
         policy, robots, mission.T_world_map, guard=guard, history=history, policy_name=config.exchange.use
     )
     return Assembly(robots, exchange, history, hand)
+
+
+def settings_of(config: ConsistencyConfig) -> Settings:
+    """How merges in loops are judged."""
+    from scipy.special import chdtri  # the limit of chi-square that so much of it lies below
+
+    limits = tuple((freedom, float(chdtri(freedom, 1.0 - config.quantile))) for freedom in (3, 6))
+    told = (config.sigmas, config.floor_m, config.floor_rad)
+    tolerance = Tolerance(*told, chi2=limits, cap_m=config.cap_m, cap_rad=config.cap_rad)
+    return Settings(config.margin, tolerance=tolerance)
 
 
 def map_type_of(name: str, kinds: Iterable[str], config: Config, workshop: Workshop) -> MapType:

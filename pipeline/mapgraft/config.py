@@ -36,6 +36,34 @@ class Choice(BaseModel):
         return dict(self.model_extra or {})
 
 
+class ExchangeConfig(Choice):
+    """When robots meet: a policy by name with its parameters beside it, ``{use: every, seconds: 30}``.
+
+    ``through`` says by which merges of other robots a third one's layer is attached: those that are confirmed, also
+    provisional ones, or none.
+    """
+
+    through: Literal["confirmed", "provisional", "none"] = "confirmed"
+
+
+class ConsistencyConfig(Section):
+    """How merges that lead around in a loop are judged.
+
+    A loop closes when the squared Mahalanobis distance of its residual is below the ``quantile`` of chi-square, with
+    the standard deviations that the merges state times ``sigmas``, and ``floor_m`` and ``floor_rad`` per merge for what
+    cells and bent maps hide. A residual of more than ``cap_m`` or ``cap_rad`` is never taken for closed. A merge is
+    called wrong when every explanation in which it is right is worse by ``margin`` nats; otherwise it is in dispute.
+    """
+
+    quantile: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.999
+    sigmas: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 3.0
+    floor_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.1
+    floor_rad: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.01
+    cap_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 2.0
+    cap_rad: Annotated[float, Field(gt=0, le=TURN_RAD)] = 0.26
+    margin: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 3.0
+
+
 class MapConfig(BaseModel):
     """A map type by name with its parameters beside it: ``{type: occupancy_grid, resolution_m: 0.05}``.
 
@@ -193,7 +221,8 @@ class Config(Section):
     robots: dict[str, RobotConfig] = Field(default_factory=dict)
     map: MapConfig = MapConfig()
     reversal: ReversalName = "ledger"
-    exchange: Choice = Choice.model_validate({"use": "every", "seconds": 30.0})
+    exchange: ExchangeConfig = ExchangeConfig.model_validate({"use": "every", "seconds": 30.0})
+    consistency: ConsistencyConfig = ConsistencyConfig()
     rules: list[dict[str, Any]] | Path | None = None
     priors: list[PriorConfig] = Field(default_factory=list)
     forbid: list[tuple[str, str]] = Field(default_factory=list)

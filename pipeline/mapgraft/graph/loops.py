@@ -42,7 +42,7 @@ class Tolerance:
     unknown_rad: float = 0.05
     chi2: tuple[tuple[int, float], ...] = ((3, 16.266), (6, 22.458))
     cap_m: float = 2.0
-    cap_rad: float = math.radians(15.0)
+    cap_rad: float = 0.26
     cap_scale: float = 0.05
 
 
