@@ -56,7 +56,7 @@ def hear() -> Hear:
 def play(plugins, hear):
     """Replays tuples (second, robot, places…) and gives back the memory and the robots."""
 
-    def run(*observations, meet=(), reversal="ledger", hand=None, rules=None, spacing_m=1.0):
+    def run(*observations, meet=(), reversal="ledger", hand=None, rules=None, spacing_m=1.0, through="confirmed"):
         memory = MemorySink()
         history, workshop, table = History(memory), Workshop(plugins), build_table(plugins, rules)
         robots = {}
@@ -64,7 +64,7 @@ def play(plugins, hear):
             map_type = beacon_plugin.Beacons(spacing_m=spacing_m)
             kept = new_reversal(reversal, map_type)
             journal = Journal(history, name, map_type, kept)
-            robots[name] = Robot(name, map_type, kept, table, workshop, hand or Hand(), journal)
+            robots[name] = Robot(name, map_type, kept, table, workshop, hand or Hand(), journal, through=through)
         stream = [hear(robot, *at, stamp_ns=second * SECOND) for second, robot, *at in observations]
         exchange = Exchange(At(*meet), robots)
         assert replay(stream, robots, exchange, memory) == len(stream)

@@ -1,0 +1,308 @@
+"""Layers that come in through third robots: attached, attached anew, detached; and merges that contradict others."""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Callable, Iterator
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from mapgraft.contracts import Transform
+from mapgraft.graph.claims import Claim, Source
+from mapgraft.persons import Hand
+
+WORLD = {"alpha": (0, 2, 5), "bravo": (0, 2, 5, 20, 27, 38, 54), "charlie": (20, 27, 38, 54), "delta": (38, 54, 70)}
+SHIFT = {"alpha": 0, "bravo": 100, "charlie": -20, "delta": 7}  # of a robot's own line against the world
+A, B, C, D = (Source(name, 1) for name in WORLD)
+
+
+def heard_by(robot: str) -> tuple[int, ...]:
+    return tuple(at + SHIFT[robot] for at in WORLD[robot])
+
+
+def begun(*names: str) -> list[tuple]:
+    return [(0, name, *heard_by(name)) for name in names]
+
+
+def claim(receiver: Source, donor: Source, off_m: float = 0.0, **more) -> Claim:
+    T = Transform.planar(SHIFT[receiver.name] - SHIFT[donor.name] + off_m, 0.0, 0.0)
+    fields = {"epoch": 1, "state": "confirmed", "revision": 0, "support": 5.0} | more
+    return Claim(receiver, donor, T_receiver_donor=T, **fields)
+
+
+@pytest.fixture
+def apart(play) -> Callable[..., tuple]:
+    """Robots that have observed and not met; returns the memory and the robots."""
+
+    def make(*names: str, **options) -> tuple:
+        memory, robots, _ = play(*begun(*(names or WORLD)), **options)
+        memory.events.clear()
+        return memory, robots
+
+    return make
+
+
+def hold(robots, receiver: str, *donors: str) -> None:
+    for donor in donors:
+        robots[receiver].graph.layers.add(robots[donor].layer())
+
+
+def alone(robot: str) -> Counter[int]:
+    """What a robot has heard, on alpha's line."""
+    return Counter(WORLD[robot])
+
+
+def fused(robot) -> Counter[int]:
+    return Counter(dict(robot.reversal.fused().counts))
+
+
+def told(memory, receiver: str = "alpha") -> Iterator[tuple[str, str]]:
+    return (
+        (e.kind, e.donor) for e in memory.events if e.receiver == receiver and e.kind not in ("offered", "verified")
+    )
+
+
+def test_a_layer_comes_in_through_a_third_robot(play):
+    after = [(second, name, *heard_by(name)) for second in (2, 3, 4) for name in ("alpha", "bravo", "charlie")]
+    memory, robots, _ = play(*begun("alpha", "bravo", "charlie"), *after, (6, "alpha", 0), meet=(1, 5))
+    event = next(e for e in memory.events if e.kind == "attached" and e.receiver == "alpha")
+    assert (event.donor, event.merge_id, event.state) == ("charlie", "alpha.charlie.via.1", "attached")
+    assert event.through == ("alpha.bravo.1", "bravo.charlie.1")
+    assert event.T_receiver_donor.x_m == 20.0
+    assert event.bytes_received > 0
+    assert event.evidence["chain_merges"] == 2.0
+    assert "alpha → bravo → charlie" in event.reason
+    expected = Counter([0]) + sum((alone(name) for name in ("alpha", "bravo", "charlie") for _ in range(4)), Counter())
+    assert fused(robots["alpha"]) == expected
+
+
+def test_a_revert_elsewhere_takes_out_what_was_reachable_only_through_it(apart):
+    memory, robots = apart()
+    alpha = robots["alpha"]
+    hold(robots, "alpha", "bravo", "charlie")
+    alpha.claims.join([claim(B, A), claim(B, C)])
+    alpha.heard(1)
+    assert fused(alpha) == alone("alpha") + alone("bravo") + alone("charlie")
+    alpha.claims.add(claim(B, C, state="reverted", revision=1, by="sequential", reason="it was wrong"))
+    alpha.heard(2)
+    assert list(told(memory)) == [("attached", "bravo"), ("attached", "charlie"), ("detached", "charlie")]
+    gone = memory.events[-1]
+    assert gone.reason == "bravo.charlie.1 was reverted by sequential, and there is no other way"
+    assert gone.exactness.exact
+    assert fused(alpha) == alone("alpha") + alone("bravo")
+
+
+def test_what_is_reachable_another_way_is_attached_anew_with_the_other_transform(apart):
+    memory, robots = apart()
+    alpha = robots["alpha"]
+    hold(robots, "alpha", "bravo", "charlie", "delta")
+    first, second = [claim(B, A, support=9.0), claim(B, C, support=9.0)], [claim(D, A), claim(D, C, 0.5)]
+    alpha.claims.join([*first, *second])
+    alpha.heard(1)
+    alpha.claims.add(claim(B, C, state="reverted", revision=1))
+    alpha.heard(2)
+    event = memory.events[-1]
+    assert (event.kind, event.donor, event.through) == ("reattached", "charlie", ("delta.alpha.1", "delta.charlie.1"))
+    assert event.T_receiver_donor.x_m == 20.5
+    assert "now through alpha → delta → charlie" in event.reason
+    assert Counter(c.provenance.source for c in alpha.reversal.contributions.values())["charlie"] == 1
+
+
+def test_a_newer_layer_takes_the_place_of_the_older_one(apart, hear):
+    memory, robots = apart()
+    alpha = robots["alpha"]
+    hold(robots, "alpha", "bravo")
+    alpha.claims.add(claim(B, A))
+    alpha.heard(1)
+    robots["bravo"].observe(hear("bravo", 190))
+    hold(robots, "alpha", "bravo")
+    alpha.heard(2)
+    assert list(told(memory)) == [("attached", "bravo"), ("reattached", "bravo")]
+    assert memory.events[-1].reason == "there is a newer layer"
+    assert fused(alpha)[90] == 1
+
+
+def test_who_merges_at_first_hand_counts_the_source_once(play):
+    """Bravo has confirmed alpha, alpha has not merged bravo; then it does."""
+    rules = [dict(RULE, accept={"use": "first_one", "least": 5, "metrics": ["disagreement"]})]
+    memory, robots, _ = play(*begun("alpha", "bravo"), rules=rules)
+    alpha = robots["alpha"]
+    hold(robots, "alpha", "bravo")
+    alpha.claims.add(claim(B, A))
+    alpha.heard(1)
+    assert fused(alpha) == alone("alpha") + alone("bravo")
+    alpha.table = play(*begun("alpha"))[1]["alpha"].table
+    alpha.looked_at.clear()
+    alpha.candidates.last.clear()
+    alpha.consider(robots["bravo"].offer(), robots["bravo"].layer(), 2)
+    alpha.heard(2)
+    kinds = [kind for kind, _ in told(memory)]
+    assert kinds[-2:] == ["detached", "merged"]
+    assert "it is merged at first hand now" in {e.reason for e in memory.events if e.kind == "detached"}
+    assert fused(alpha) == alone("alpha") + alone("bravo")
+    assert set(alpha.reversal.contributions) == {"alpha.bravo.1"}
+
+
+RULE = {
+    "name": "beacons with beacons",
+    "when": {"own.type": "beacons", "other.type": "beacons"},
+    "match": {"use": "slide"},
+    "accept": {"use": "first_one", "metrics": ["disagreement"]},
+    "fuse": {"use": "sum"},
+    "verify": {"use": "at_most", "metrics": ["disagreement"], "every": 1, "confirm_after": 3},
+}
+
+
+@pytest.mark.parametrize(("through", "there"), [("confirmed", False), ("provisional", True), ("none", False)])
+def test_only_confirmed_merges_of_others_lead_on_unless_told_otherwise(apart, through, there):
+    _, robots = apart(through=through)
+    hold(robots, "alpha", "bravo")
+    robots["alpha"].claims.add(claim(B, A, state="provisional"))
+    robots["alpha"].heard(1)
+    assert bool(robots["alpha"].reversal.contributions) is there
+
+
+def test_whom_a_person_forbade_is_not_attached_either(apart):
+    _, robots = apart(hand=Hand(forbidden=frozenset([frozenset(("alpha", "charlie"))])))
+    hold(robots, "alpha", "bravo", "charlie")
+    robots["alpha"].claims.join([claim(B, A), claim(B, C)])
+    robots["alpha"].heard(1)
+    assert [c.provenance.source for c in robots["alpha"].reversal.contributions.values()] == ["bravo"]
+
+
+def test_a_single_map_attaches_nothing_and_says_so_once(apart):
+    memory, robots = apart(reversal="single_map")
+    hold(robots, "alpha", "bravo")
+    robots["alpha"].claims.add(claim(B, A))
+    for stamp_ns in (1, 2):
+        robots["alpha"].heard(stamp_ns)
+        robots["alpha"].claims.add(claim(B, C, revision=stamp_ns, state="provisional"))
+    assert [kind for kind, _ in told(memory)] == ["rejected"]
+    assert "a single map cannot take out" in memory.events[0].reason
+
+
+def test_own_cells_that_contradict_what_was_attached_are_evidence_against_another_robots_merge(apart, hear):
+    memory, robots = apart()
+    alpha = robots["alpha"]
+    hold(robots, "alpha", "bravo", "charlie")
+    alpha.claims.join([claim(B, A, support=9.0), claim(B, C, support=3.0)])
+    alpha.heard(1)
+    alpha.observe(hear("alpha", 20, 27, 30, 38, 54, stamp_ns=2))
+    said = [(e.kind, e.donor, e.through) for e in memory.events if e.kind in ("disbelieved", "detached")]
+    assert ("disbelieved", "charlie", ("bravo.charlie.1",)) in said
+    assert ("detached", "charlie", ("bravo.alpha.1", "bravo.charlie.1")) in said
+    told_of = next(e for e in memory.events if e.kind == "disbelieved")
+    assert (told_of.merge_id, told_of.state, told_of.T_receiver_donor) == ("", "", None)
+    assert "1 beacons disagree" in told_of.reason
+    alpha.heard(3)
+    assert not any(c.provenance.source == "charlie" for c in alpha.reversal.contributions.values())
+
+
+def merged(robots, receiver: str, donor: str) -> None:
+    offer = robots[donor].offer()
+    assert robots[receiver].wants(offer, len(offer), 1)
+    robots[receiver].consider(offer, robots[donor].layer(), 1)
+    assert donor in robots[receiver].merges
+
+
+def test_an_own_merge_that_contradicts_others_is_reverted_with_the_loops_as_evidence(apart):
+    memory, robots = apart()
+    alpha = robots["alpha"]
+    merged(robots, "alpha", "bravo")
+    off_m = 30.0
+    pairs = [pair for pair in itertools.permutations((A, B, C, D), 2) if pair != (A, B)]
+    alpha.claims.join(
+        [claim(*pair, off_m=off_m * ((pair[0] == B) - (pair[1] == B))) for pair in pairs if A in pair[1:]]
+    )
+    alpha.claims.join(
+        [claim(*pair, off_m=off_m * ((pair[0] == B) - (pair[1] == B))) for pair in pairs if A not in pair]
+    )
+    alpha.heard(2)
+    event = next(e for e in memory.events if e.kind == "reverted")
+    assert (event.merge_id, event.by) == ("alpha.bravo.1", "consistency")
+    assert event.exactness.exact
+    assert event.evidence["loops_inconsistent"] >= 3
+    assert event.evidence["loop_mahalanobis"] > event.evidence["loop_mahalanobis.revert_at"]
+    assert "loops of merges through it do not close" in event.reason
+    assert alpha.claims.of(A, B).state == "reverted"
+
+
+def test_a_donor_takes_back_a_wrong_merge_and_the_receiver_obeys(apart):
+    memory, robots = apart()
+    merged(robots, "alpha", "bravo")
+    robots["alpha"].heard(1)
+    made = robots["alpha"].claims.of(A, B)
+    revoked = Claim(
+        A, B, made.epoch, "reverted", made.revision + 1, made.T_receiver_donor, by="consistency", reason="no"
+    )
+    robots["alpha"].claims.add(revoked)
+    robots["alpha"].heard(2)
+    event = memory.events[-1]
+    assert (event.kind, event.by, event.reason) == ("reverted", "consistency", "bravo says: no")
+    assert not robots["alpha"].merges
+
+
+def test_what_is_in_dispute_stands_and_nothing_passes_through_it(apart):
+    memory, robots = apart()
+    alpha = robots["alpha"]
+    hold(robots, "alpha", "bravo", "charlie")
+    merged(robots, "alpha", "bravo")
+    alpha.claims.join([claim(B, A, off_m=9.0, support=2.2), claim(B, C)])
+    alpha.heard(2)
+    event = next(e for e in memory.events if e.kind == "disputed")
+    assert (event.merge_id, event.through) == ("alpha.bravo.1", ("alpha.bravo.1",))
+    assert "nobody can tell" in event.reason
+    assert set(alpha.reversal.contributions) == {"alpha.bravo.1"}
+    alpha.heard(3)
+    assert [e.kind for e in memory.events].count("disputed") == 1
+
+
+STORY = st.permutations(
+    [
+        claim(B, A),
+        claim(B, C, support=3.0),
+        claim(B, C, state="reverted", revision=1),
+        claim(D, C),
+        claim(D, B, support=2.0),
+        "bravo",
+        "charlie",
+        "delta",
+    ]
+)
+
+
+@given(STORY)
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_the_map_does_not_depend_on_the_order_of_hearing(apart, story):
+    _, robots = apart()
+    alpha = robots["alpha"]
+    for stamp_ns, one in enumerate(story):
+        if isinstance(one, str):
+            hold(robots, "alpha", one)
+        else:
+            alpha.claims.add(one)
+        alpha.heard(stamp_ns)
+    assert fused(alpha) == sum(map(alone, WORLD), Counter())
+    through = {merge.donor: [c.merge_id for c in merge.chain.claims] for merge in alpha.standing.attached.values()}
+    assert through == {
+        "bravo": ["bravo.alpha.1"],
+        "charlie": ["bravo.alpha.1", "delta.bravo.1", "delta.charlie.1"],
+        "delta": ["bravo.alpha.1", "delta.bravo.1"],
+    }
+
+
+def test_a_robot_without_the_merge_has_the_same_bytes(apart):
+    """With and without a merge that is reverted: the same evidence, the same fused map."""
+    maps = []
+    for claims in ([claim(B, A), claim(B, C)], [claim(B, A)]):
+        _, robots = apart()
+        hold(robots, "alpha", "bravo", "charlie")
+        robots["alpha"].claims.join(claims)
+        robots["alpha"].heard(1)
+        robots["alpha"].claims.add(claim(B, C, state="reverted", revision=1))
+        robots["alpha"].heard(2)
+        maps.append((robots["alpha"].own.encoded_layer(), dict(robots["alpha"].reversal.fused().counts)))
+    assert maps[0] == maps[1]

@@ -1,0 +1,63 @@
+"""A matcher and an acceptor that force wrong merges: of what would be merged, every third is put somewhere else."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mapgraft.contracts import Candidate, Decision, Descriptor, Map, Match, Prior, Transform, hookimpl
+from mapgraft_grid.correlation import Correlation
+from mapgraft_standard.posterior import Posterior
+
+MAPGRAFT_CONTRACT = (1, 0)
+LIE = "lie"
+
+
+class Planting:
+    """What correlation finds, and behind it a lie: the best match, moved by 3 to 9 m and turned by quarters."""
+
+    def __init__(self, *, returned: int = 2) -> None:
+        self.honest = Correlation(returned=returned)
+
+    def match(self, target: Map, source: Map, prior: Prior | None = None) -> Sequence[Match]:
+        found = list(self.honest.match(target, source, prior))
+        if not found or prior is not None:
+            return found
+        rng = np.random.default_rng((target.known(), source.known()))
+        far, towards = rng.uniform(3.0, 9.0), rng.uniform(-math.pi, math.pi)
+        off = Transform.planar(far * math.cos(towards), far * math.sin(towards), rng.integers(4) * math.pi / 2.0)
+        lie = replace(found[0], T_receiver_donor=off @ found[0].T_receiver_donor, evidence={LIE: 1.0})
+        return [*found, lie]
+
+
+class Sabotage:
+    """Accepts as ``posterior`` does, but every ``every``-th time the lie; with ``refuse`` nothing in its place."""
+
+    def __init__(self, *, every: int = 3, refuse: bool = False) -> None:
+        self.every, self.refuse, self.accepted = every, refuse, 0
+        self.honest = Posterior(metrics={"posterior": {}, "paths": {"max": 4}})
+
+    def accept(self, candidates: Sequence[Candidate]) -> Decision:
+        lies = [n for n, one in enumerate(candidates) if LIE in one.match.evidence]
+        decision = self.honest.accept([one for one in candidates if LIE not in one.match.evidence])
+        if decision.verdict != "provisional" or not lies:
+            return decision
+        self.accepted += 1
+        if self.accepted % self.every:
+            return decision
+        if self.refuse:
+            return Decision("unmatched", None, "it would have been a lie")
+        return Decision("provisional", lies[0], f"a lie: {decision.reason}")
+
+
+@hookimpl
+def register_matchers(register):
+    register(Descriptor("planting", "saboteur:Planting", "lies behind the truth", accepts=("occupancy_grid",)))
+
+
+@hookimpl
+def register_acceptors(register):
+    register(Descriptor("sabotage", "saboteur:Sabotage", "takes every third lie"))
