@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from mapgraft.contracts import MapMetadata, Prior
 from mapgraft.decision import DecisionTable, Rule, Ruling, facts_of
@@ -32,7 +33,7 @@ class Rules:
     table: DecisionTable
     workshop: Workshop
     met: Encounter
-    reversal: str
+    reversal: Literal["ledger", "single_map", "multi_map"]
     ruling: Ruling = field(init=False)
     _passed: dict[int, str] = field(init=False)
 
