@@ -6,18 +6,19 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mapgraft.config import Config, ConsistencyConfig, MapConfig
-from mapgraft.contracts import MapType
+from mapgraft.config import Config, ConsistencyConfig, MapConfig, RadioConfig
+from mapgraft.contracts import ListeningPolicy, MapType
 from mapgraft.decision import DecisionTable
 from mapgraft.errors import ConfigError, PluginError
 from mapgraft.events import Sink
 from mapgraft.graph.consistency import Settings
 from mapgraft.graph.loops import Tolerance
 from mapgraft.history import History, Journal
+from mapgraft.network.radio import NS_PER_S, Conditions, Partition
 from mapgraft.persons import Hand, given_priors, recorded_priors
 from mapgraft.plugins import Plugins
 from mapgraft.procedures import Workshop
-from mapgraft.replay import Exchange
+from mapgraft.replay import Exchange, Network
 from mapgraft.reversal import new_reversal
 from mapgraft.robot import Robot
 
@@ -52,12 +53,37 @@ def assemble(mission: Mission, config: Config, plugins: Plugins, table: Decision
         robots[source.name] = Robot(*made, through=config.exchange.through, consistency=consistency)
     try:
         policy = workshop.policy(config.exchange.use, config.exchange.parameters)
+        if isinstance(policy, ListeningPolicy):
+            policy.hear(tuple(mission.signals(tuple(policy.topics))))
     except (ConfigError, PluginError) as error:
         raise ConfigError(f"exchange: {error}") from None
-    exchange = Exchange(
-        policy, robots, mission.T_world_map, guard=guard, history=history, policy_name=config.exchange.use
-    )
+    network, name = network_of(config.radio, robots), config.exchange.use
+    exchange = Exchange(policy, robots, mission.T_world_map, network, guard=guard, history=history, policy_name=name)
     return Assembly(robots, exchange, history, hand)
+
+
+def network_of(config: RadioConfig, robots: Iterable[str]) -> Network:
+    """How the robots reach each other; raises ConfigError where a partition speaks of a robot that there is not."""
+    names = set(robots)
+    partitions = []
+    for cut in config.partitions:
+        if unknown := sorted({name for group in cut.groups for name in group} - names):
+            raise ConfigError(f"radio.partitions: there is no robot {', '.join(unknown)}: {', '.join(sorted(names))}")
+        end_ns = None if cut.end_s is None else round(cut.end_s * NS_PER_S)
+        partitions.append(Partition(round(cut.start_s * NS_PER_S), end_ns, tuple(map(frozenset, cut.groups))))
+    times_ns = [round(s * NS_PER_S) for s in (config.latency_s, config.jitter_s, config.held_up_s)]
+    conditions = Conditions(
+        latency_ns=times_ns[0],
+        jitter_ns=times_ns[1],
+        bandwidth_bytes_s=config.bandwidth_bytes_s,
+        loss=config.loss,
+        duplication=config.duplication,
+        reordering=config.reordering,
+        held_up_ns=times_ns[2],
+        partitions=tuple(partitions),
+        seed=config.seed,
+    )
+    return Network(conditions, round(config.window_s * NS_PER_S), round(config.patience_s * NS_PER_S), config.previews)
 
 
 def settings_of(config: ConsistencyConfig) -> Settings:

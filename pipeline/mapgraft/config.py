@@ -64,6 +64,47 @@ class ConsistencyConfig(Section):
     margin: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 3.0
 
 
+class PartitionConfig(Section):
+    """A cut of the radio, in seconds from the mission's start: meanwhile only robots of one group hear each other.
+
+    Without ``end_s`` it lasts to the end.
+    """
+
+    start_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    end_s: Seconds | None = None
+    groups: list[list[str]]
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.end_s is not None and self.end_s <= self.start_s:
+            raise ValueError(f"end_s must lie after start_s, found {self.start_s} to {self.end_s}")
+        return self
+
+
+class RadioConfig(Section):
+    """What happens to messages between robots; by default they arrive at once, and all of them.
+
+    They arrive ``latency_s`` after they left, and up to ``jitter_s`` later; a robot sends ``bandwidth_bytes_s``.
+    ``loss``, ``duplication`` and ``reordering`` are probabilities per message: never to arrive, to arrive twice, to be
+    held up for ``held_up_s``. A contact that the exchange policy begins lasts ``window_s``; a robot asks again after
+    ``patience_s``. With ``previews`` a robot first asks for what a map looks like, and for the map itself only when
+    that is worth a closer look.
+    """
+
+    latency_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    jitter_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    bandwidth_bytes_s: Annotated[float, Field(ge=1, allow_inf_nan=False)] | None = None
+    loss: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    duplication: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    reordering: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    held_up_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 1.0
+    partitions: list[PartitionConfig] = Field(default_factory=list)
+    window_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 10.0
+    patience_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
+    previews: bool = False
+    seed: int = 0
+
+
 class MapConfig(BaseModel):
     """A map type by name with its parameters beside it: ``{type: occupancy_grid, resolution_m: 0.05}``.
 
@@ -222,6 +263,7 @@ class Config(Section):
     map: MapConfig = MapConfig()
     reversal: ReversalName = "ledger"
     exchange: ExchangeConfig = ExchangeConfig.model_validate({"use": "every", "seconds": 30.0})
+    radio: RadioConfig = RadioConfig()
     consistency: ConsistencyConfig = ConsistencyConfig()
     rules: list[dict[str, Any]] | Path | None = None
     priors: list[PriorConfig] = Field(default_factory=list)

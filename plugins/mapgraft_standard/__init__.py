@@ -61,3 +61,5 @@ def register_policies(register: Register) -> None:
         Descriptor("every", "mapgraft_standard.policies:Every", "everybody meets every so many seconds, and at the end")
     )
     register(Descriptor("at", "mapgraft_standard.policies:At", "everybody meets at given seconds after the start"))
+    register(Descriptor("range", "mapgraft_standard.policies:Range", "robots meet while they are near each other"))
+    register(Descriptor("topic", "mapgraft_standard.policies:Topic", "robots meet when a topic of the recording says"))

@@ -1,6 +1,6 @@
 """Everything a plugin sees of mapgraft: values, protocols, ``hookimpl`` and the errors it may raise."""
 
-from mapgraft.contracts.exchange import Meeting, Policy, Situation
+from mapgraft.contracts.exchange import ListeningPolicy, Meeting, Policy, Signal, Situation
 from mapgraft.contracts.geometry import ROTATION_STEP, Matrix4, Points, Transform
 from mapgraft.contracts.maps import (
     Contribution,
@@ -103,6 +103,7 @@ __all__ = [
     "Fuser",
     "GridMessage",
     "Layer",
+    "ListeningPolicy",
     "LocalTracker",
     "Map",
     "MapError",
@@ -143,6 +144,7 @@ __all__ = [
     "Scan",
     "ScanMessage",
     "SchemaText",
+    "Signal",
     "Situation",
     "Source",
     "Step",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from mapgraft.contracts.geometry import Transform
 
@@ -14,6 +14,14 @@ class Meeting(NamedTuple):
 
     stamp_ns: int
     pairs: tuple[tuple[str, str], ...] | None = None
+
+
+class Signal(NamedTuple):
+    """A message on a topic of the recording, by the mission's clock; ``text`` where it is a string, else empty."""
+
+    topic: str
+    stamp_ns: int
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,4 +46,15 @@ class Situation:
 class Policy(Protocol):
     def due(self, situation: Situation) -> Sequence[Meeting]:
         """The exchanges that fall into the situation's time, in time order."""
+        ...
+
+
+@runtime_checkable
+class ListeningPolicy(Policy, Protocol):
+    """A policy that goes by topics of the recording."""
+
+    @property
+    def topics(self) -> Sequence[str]: ...
+    def hear(self, signals: Sequence[Signal]) -> None:
+        """All messages on its topics, in time order, told once before it is asked for meetings."""
         ...

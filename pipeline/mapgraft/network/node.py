@@ -161,7 +161,8 @@ class Node:
             self.unreadable += 1
 
     def settle(self, now_ns: int, neighbours: Sequence[str]) -> bool:
-        """When nothing more comes: ask again for what is overdue, ask others for third robots' layers, and tell news.
+        """When nothing more comes: draw the consequences of what was heard, ask again for what is overdue, ask others
+        for third robots' layers, and tell news.
 
         Returns whether there was anything to say.
         """

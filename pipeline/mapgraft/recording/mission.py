@@ -5,12 +5,13 @@ from __future__ import annotations
 import heapq
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Final, Self
 
 from mapgraft.config import Config
-from mapgraft.contracts import Observation, RecordingError, Transform
+from mapgraft.contracts import Observation, RecordingError, Signal, Transform
 from mapgraft.contracts.sources import Fault, ReadFaults
 from mapgraft.guard import Guard
 from mapgraft.plugins import Plugins
@@ -59,6 +60,10 @@ class RobotSource:
     shift_ns: int
     count: int | None
     remarks: tuple[str, ...]
+
+
+STRING: Final = "std_msgs/msg/String"
+MOST_SIGNALS: Final = 100_000  # of one file
 
 
 class Mission:
@@ -152,6 +157,20 @@ class Mission:
             ),
             key=lambda seen: seen.stamp_ns,
         )
+
+    def signals(self, topics: Sequence[str]) -> Iterator[Signal]:
+        """The messages on some topics, of whatever type, file by file; at most so many that somebody could listen.
+
+        They come onto the mission's timeline as the first robot does that is in their file.
+        """
+        for glimpse in self.glimpses:
+            plan = next((one for one in self._plans if any(g is glimpse for g in one.glimpses)), None)
+            if plan is None:
+                continue
+            lag_ns = plan.times.offset_ns + self._shifts[plan.name] + plan.clock_offset_ns
+            for raw in islice(glimpse.source.messages(topics), MOST_SIGNALS):
+                text = getattr(glimpse.source.decode(raw), "data", "") if raw.channel.message_type == STRING else ""
+                yield Signal(raw.channel.topic, raw.log_ns + lag_ns, str(text))
 
     def _observations(self, limits: Limits) -> Iterator[Observation]:
         self.tally, self._faults = Tally(), ReadFaults()
