@@ -82,8 +82,16 @@ class Result:
     @property
     def standing(self) -> Mapping[str, Event]:
         """The last event of every merge that stands at the end, by merge id."""
-        last = {event.merge_id: event for event in self.events if event.merge_id}
+        last = self._last()
         return {merge_id: event for merge_id, event in last.items() if event.state in ("provisional", "confirmed")}
+
+    @property
+    def attached(self) -> Mapping[str, Event]:
+        """The last event of every layer that is in a map at the end through merges of others, by its id."""
+        return {merge_id: event for merge_id, event in self._last().items() if event.state == "attached"}
+
+    def _last(self) -> dict[str, Event]:
+        return {event.merge_id: event for event in self.events if event.merge_id}
 
 
 @dataclass(slots=True)

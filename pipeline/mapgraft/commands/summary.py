@@ -29,7 +29,9 @@ def print_summary(result: Result) -> None:
         console.print(cell(f"No merge stands at the end. {_why_not(result.events)}"))
     else:
         reverted = sum(event.kind == "reverted" for event in result.events)
-        console.print(f"{standing} merge{'s' * (standing != 1)} standing, {reverted} reverted.")
+        there = len(result.attached)
+        through = f" {there} layer{'s' * (there != 1)} attached through other robots." if there else ""
+        console.print(f"{standing} merge{'s' * (standing != 1)} standing, {reverted} reverted.{through}")
     for sentence in (*result.remarks, *result.lost):
         console.print(cell(sentence), style="yellow")
     for finding in result.ledgers:
@@ -54,6 +56,7 @@ def as_json_summary(result: Result) -> dict[str, Any]:
         "events": dict(Counter(event.kind for event in result.events)),
         "merges": [_as_json(events) for events in _merges(result.events)],
         "standing": sorted(result.standing),
+        "attached": {merge_id: list(event.through) for merge_id, event in sorted(result.attached.items())},
         "robots": {
             name: {"observations": snapshot.version, "known_area_m2": snapshot.metadata.known_area_m2}
             for name, snapshot in sorted(result.maps.items())
@@ -99,6 +102,7 @@ def _robot_table(result: Result) -> Table:
         table.add_column(column, justify="left" if column in ("robot", "merged from") else "right")
     for name, snapshot in sorted(result.maps.items()):
         donors = [event.donor for event in result.standing.values() if event.receiver == name]
+        donors += [f"({event.donor})" for event in result.attached.values() if event.receiver == name]
         received = sum(size for (_, receiver), size in result.traffic.items() if receiver == name)
         table.add_row(
             cell(name),

@@ -166,6 +166,7 @@ def _event(row: Mapping[str, Any], measurements: Sequence[Measurement]) -> Event
         evidence={pair["name"]: pair["value"] for pair in row["evidence"]},
         measurements=tuple(measurements),
         exactness=None if row["exact"] is None else _exactness(row),
+        through=tuple(row["through"]),
     )
 
 

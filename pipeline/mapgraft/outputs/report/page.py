@@ -49,7 +49,7 @@ def page_of(path: Path) -> str:
         lead=_lead(run, merges, clock),
         tiles=_tiles(run, merges, clock),
         shared=_shared(run),
-        robots=robot_cards(run, gallery, _donors(merges)),
+        robots=robot_cards(run, gallery, _donors(merges), _attached(decisions)),
         remarks=run.summary.get("remarks", ()),
         recordings=[_recording(row) for row in run.recordings()],
         timeline=timeline(decisions, clock, {name: f"#{anchors[name]}" for name in told}),
@@ -133,6 +133,16 @@ def _donors(merges: Mapping[str, Sequence[Event]]) -> dict[str, list[str]]:
     for events in merges.values():
         if events[-1].state != "reverted":
             out.setdefault(events[-1].receiver, []).append(events[-1].donor)
+    return out
+
+
+def _attached(decisions: Sequence[Event]) -> dict[str, list[str]]:
+    """Receiver → the donors whose layers are in its map at the end through merges of others, each with these."""
+    last = {event.merge_id: event for event in decisions if event.merge_id}
+    out: dict[str, list[str]] = {}
+    for event in last.values():
+        if event.state == "attached":
+            out.setdefault(event.receiver, []).append(f"{event.donor} (by {', '.join(event.through)})")
     return out
 
 

@@ -36,11 +36,13 @@ class RobotCard:
     is_one_map: bool = False
 
 
-def robot_cards(run: FinishedRun, gallery: Gallery, donors: dict[str, list[str]]) -> list[RobotCard]:
-    """``donors`` are those whose maps stand in a robot's map at the end."""
+def robot_cards(
+    run: FinishedRun, gallery: Gallery, donors: dict[str, list[str]], attached: dict[str, list[str]]
+) -> list[RobotCard]:
+    """``donors`` are those whose maps stand in a robot's map at the end, ``attached`` what came through others."""
     rows = run.maps_at_the_end()
     return [
-        _card(run, name, told, rows.get(name, {}), gallery, donors.get(name, []), n < _MOST_PICTURED)
+        _card(run, name, told, rows.get(name, {}), gallery, (donors.get(name, []), attached.get(name, [])), n)
         for n, (name, told) in enumerate(run.summary["robots"].items())
     ]
 
@@ -51,9 +53,10 @@ def _card(
     told: dict[str, Any],
     row: dict[str, Any],
     gallery: Gallery,
-    donors: Sequence[str],
-    pictured: bool,
+    others: tuple[Sequence[str], Sequence[str]],
+    number_of_card: int,
 ) -> RobotCard:
+    donors, attached = others
     way_m = _way(run.path / "trajectories" / f"{told.get('files_as', name)}.tum")
     facts = [("observations", f"{told.get('observations', 0):,}")]
     if len(way_m):
@@ -65,8 +68,11 @@ def _card(
         resolution = "" if row["resolution_m"] is None else f", {number(row['resolution_m'])} m"
         facts.append(("map type", f"{row['map_type']}{resolution}"))
     facts.append(("merged from", ", ".join(sorted(donors)) or "nobody"))
-    own, fused, path = _pictures(name, gallery, way_m, bool(donors)) if pictured else (None, None, "")
-    return RobotCard(name, facts, own, fused, path, gallery.undrawn.get(name, ()), bool(donors) and fused is None)
+    if attached:
+        facts.append(("attached", "; ".join(sorted(attached))))
+    has_merges, pictured = bool(donors or attached), number_of_card < _MOST_PICTURED
+    own, fused, path = _pictures(name, gallery, way_m, has_merges) if pictured else (None, None, "")
+    return RobotCard(name, facts, own, fused, path, gallery.undrawn.get(name, ()), has_merges and fused is None)
 
 
 def _pictures(
