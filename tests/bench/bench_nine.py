@@ -117,7 +117,7 @@ def fused_bytes(robot: Robot) -> str:
     """A digest of the fused map as it is viewed."""
     dense = robot.reversal.fused().dense()
     whole = hashlib.sha256(dense.log_odds.tobytes())
-    whole.update(repr((dense.origin_m.tolist(), dense.log_odds.shape)).encode())
+    whole.update(repr((dense.origin_m, dense.log_odds.shape)).encode())
     return whole.hexdigest()
 
 
