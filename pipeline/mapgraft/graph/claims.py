@@ -7,6 +7,7 @@ import math
 import struct
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ MOST_SUPPORT: Final = 12.0  # nats: nobody is surer than that, either way
 MOST_NAME_BYTES: Final = 400  # a robot's name of 100 letters
 MOST_TEXT_BYTES: Final = 1000
 MOST_EDGES: Final = 20_000
+REMEMBERED: Final = 4096  # claims that were read: in one process many robots hear the same
 _STATES: Final[tuple[State, ...]] = ("provisional", "confirmed", "reverted")
 _MAGIC: Final = b"MGC1"
 _FIXED: Final = struct.Struct("<IBIq9i3qdd?")  # epoch, state, revision, stamp, rotation, shift, scale, support, has cov
@@ -120,15 +122,11 @@ class Claim:
 
     @classmethod
     def decode(cls, data: bytes) -> Claim:
-        """Raises MapError when the bytes are not the canonical bytes of a claim that can be true."""
-        try:
-            claim = _read(data)
-            if claim.data != data:
-                raise ValueError("it is not written as claims are")
-            _check(claim)
-        except (ValueError, struct.error, TransformError, OverflowError) as error:
-            raise MapError(f"a claim of {len(data)} bytes cannot be read: {error}") from None
-        return claim
+        """The claim in the bytes, the same object for the same bytes as long as few others were read.
+
+        Raises MapError when the bytes are not the canonical bytes of a claim that can be true.
+        """
+        return _decoded(bytes(data))
 
     @property
     def order(self) -> tuple[int, int, int, bytes]:
@@ -209,6 +207,18 @@ def _text(text: str) -> bytes:
 def _shortened(text: str) -> str:
     """Not longer than what travels, cut between letters."""
     return text.encode(errors="replace")[:MOST_TEXT_BYTES].decode(errors="ignore")
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _decoded(data: bytes) -> Claim:
+    try:
+        claim = _read(data)
+        if claim.data != data:
+            raise ValueError("it is not written as claims are")
+        _check(claim)
+    except (ValueError, struct.error, TransformError, OverflowError) as error:
+        raise MapError(f"a claim of {len(data)} bytes cannot be read: {error}") from None
+    return claim
 
 
 def _read(data: bytes) -> Claim:

@@ -35,7 +35,7 @@ class Settings:
 class Grounds:
     """What loops say of one claim.
 
-    ``mahalanobis2`` is the worst of its inconsistent loops, of all where none is, with ``limit``. ``margin`` (nats) is
+    ``mahalanobis2`` is the worst of its inconsistent loops, with ``limit``. ``margin`` (nats) is
     by how much worse all loops are explained when the claim is right; of a claim that is called wrong or in dispute.
     """
 
@@ -73,8 +73,8 @@ class Grounds:
 class Explanation:
     """What follows from all loops: claims that are wrong, and claims of which nobody can tell.
 
-    ``told`` has the grounds of every claim that lies in a loop. ``exact`` is False when the search for the best
-    explanation was cut short.
+    ``told`` has the grounds of every claim that lies in a loop that does not close. ``exact`` is False when the search
+    for the best explanation was cut short.
     """
 
     loops: tuple[Loop, ...] = ()
@@ -112,6 +112,8 @@ def _explained(asked: _Asked) -> Explanation:
     wrong: dict[Edge, Grounds] = {}
     disputed: dict[Edge, Grounds] = {}
     exact = True
+    if not told:
+        return Explanation(loops)
     for edges, mine in _components(loops):
         problem = _problem(edges, mine, told, asked.settings)
         best = solve(problem)
@@ -131,18 +133,19 @@ def _explained(asked: _Asked) -> Explanation:
 
 
 def _told(loops: Sequence[Loop]) -> dict[Edge, Grounds]:
-    through: dict[Edge, list[Loop]] = {}
-    claims: dict[Edge, Claim] = {}
-    for loop in loops:
-        for claim in loop.claims:
-            through.setdefault(claim.edge, []).append(loop)
-            claims[claim.edge] = claim
-    return {edge: _grounds(claims[edge], through[edge]) for edge in sorted(through)}
+    claims = {claim.edge: claim for loop in loops if not loop.consistent for claim in loop.claims}
+    through: dict[Edge, list[Loop]] = {edge: [] for edge in sorted(claims)}
+    if claims:
+        for loop in loops:
+            for claim in loop.claims:
+                if claim.edge in through:
+                    through[claim.edge].append(loop)
+    return {edge: _grounds(claims[edge], met) for edge, met in through.items()}
 
 
 def _grounds(claim: Claim, loops: Sequence[Loop]) -> Grounds:
     bad = [loop for loop in loops if not loop.consistent]
-    worst = max(bad or loops, key=lambda loop: loop.mahalanobis2 / loop.limit)
+    worst = max(bad, key=lambda loop: loop.mahalanobis2 / loop.limit)
     return Grounds(claim, len(bad), len(loops) - len(bad), worst.mahalanobis2, worst.limit)
 
 

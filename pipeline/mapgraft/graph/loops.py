@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 from typing import Final
 
@@ -17,10 +18,13 @@ from mapgraft.graph.claims import Claim, Source
 LONGEST: Final = 9  # claims in one loop
 PER_LINK: Final = 6  # loops in which one pair of sources is looked at, the shortest ones
 _STEPS: Final = 2000  # of the search for loops through one pair
+REMEMBERED_GRAPHS: Final = 16
+REMEMBERED_LOOPS: Final = 100_000
 _PLANAR: Final = [0, 1, 5]
 _FULL_EXPANSION: Final = 3  # sources: in longer loops claims about the same pair take turns, one pair at a time
 
 Links = Mapping[Source, Mapping[Source, Sequence[Claim]]]
+Neighbours = Mapping[Source, Mapping[Source, None]]
 Floats = NDArray[np.float64]
 
 
@@ -63,15 +67,19 @@ class Loop:
     consistent: bool
 
 
+Walk = tuple[tuple[Source, ...], tuple[Claim, ...]]
+
+
 def find_loops(claims: Iterable[Claim], tolerance: Tolerance | None = None) -> tuple[Loop, ...]:
     """The short loops of claims that stand, each with its residual, in an order of names.
 
     Two claims about the same two sources, from either side, are a loop of two. Of longer ones those without a chord are
     taken, for each pair of sources the shortest few, so that every claim that lies in a loop of at most ``LONGEST`` is
-    in one of these.
+    in one of these. What was measured lately is remembered: one claim that changes costs the loops through it.
     """
     links = _links(claims)
-    walks = [walk for cycle in _cycles(links) for walk in _walks(cycle, links)]
+    neighbours = tuple((here, tuple(others)) for here, others in links.items())
+    walks = [walk for cycle in _cycles(neighbours) for walk in _walks(cycle, links)]
     return _measured(walks, tolerance or Tolerance())
 
 
@@ -83,19 +91,20 @@ def _links(claims: Iterable[Claim]) -> Links:
     return {here: dict(sorted(out[here].items())) for here in sorted(out)}
 
 
-def _cycles(links: Links) -> list[tuple[Source, ...]]:
+@lru_cache(maxsize=REMEMBERED_GRAPHS)
+def _cycles(neighbours: tuple[tuple[Source, tuple[Source, ...]], ...]) -> list[tuple[Source, ...]]:
     """Cycles of sources, pairs among them, each once, beginning with its first by name."""
+    links: Neighbours = {here: dict.fromkeys(others) for here, others in neighbours}
     found: set[tuple[Source, ...]] = set()
     for here, others in links.items():
-        for there, told in others.items():
+        for there in others:
             if here < there:
-                if len(told) > 1:
-                    found.add((here, there))
+                found.add((here, there))
                 found.update(_canonical(path) for path in _around(here, there, links))
     return sorted(found, key=lambda cycle: (len(cycle), cycle))
 
 
-def _around(start: Source, end: Source, links: Links) -> list[tuple[Source, ...]]:
+def _around(start: Source, end: Source, links: Neighbours) -> list[tuple[Source, ...]]:
     """The shortest ways from one source to its neighbour that avoid their own link and have no chord."""
     found: list[tuple[Source, ...]] = []
     left = [_STEPS]
@@ -107,7 +116,7 @@ def _around(start: Source, end: Source, links: Links) -> list[tuple[Source, ...]
 
 
 def _paths(
-    path: tuple[Source, ...], end: Source, length: int, links: Links, left: list[int]
+    path: tuple[Source, ...], end: Source, length: int, links: Neighbours, left: list[int]
 ) -> Iterator[tuple[Source, ...]]:
     """Ways of exactly ``length`` links whose sources are neighbours only where they follow each other."""
     here = path[-1]
@@ -133,11 +142,11 @@ def _canonical(cycle: tuple[Source, ...]) -> tuple[Source, ...]:
     return turned if turned[1] < turned[-1] else (turned[0], *turned[:0:-1])
 
 
-def _walks(cycle: tuple[Source, ...], links: Links) -> Iterator[tuple[tuple[Source, ...], tuple[Claim, ...]]]:
+def _walks(cycle: tuple[Source, ...], links: Links) -> Iterator[Walk]:
     """The cycle by every claim: all combinations where it is short, else one pair's other claim at a time."""
     if len(cycle) == 2:
-        told = links[cycle[0]][cycle[1]]
-        yield cycle, (told[0], told[1])
+        if len(told := links[cycle[0]][cycle[1]]) > 1:
+            yield cycle, (told[0], told[1])
         return
     choices = [links[here][there] for here, there in zip(cycle, (*cycle[1:], cycle[0]), strict=True)]
     if len(cycle) <= _FULL_EXPANSION:
@@ -152,16 +161,25 @@ def _walks(cycle: tuple[Source, ...], links: Links) -> Iterator[tuple[tuple[Sour
                 yield cycle, (*best[:at], other, *best[at + 1 :])
 
 
-def _measured(walks: Sequence[tuple[tuple[Source, ...], tuple[Claim, ...]]], tolerance: Tolerance) -> tuple[Loop, ...]:
-    """All loops of one length at once: composing one by one would cost a hundred times as much."""
+def _measured(walks: Sequence[Walk], tolerance: Tolerance) -> tuple[Loop, ...]:
+    """What is not remembered is composed, all loops of one length at once: one by one would cost a hundred times."""
+    known = _remembered(tolerance)
+    fresh = [walk for walk in walks if walk[1] not in known]
     sides: dict[tuple[Source, bytes], Similarity] = {}
-    loops: list[Loop | None] = [None] * len(walks)
-    for length in sorted({len(claims) for _, claims in walks}):
-        chosen = [n for n, (_, claims) in enumerate(walks) if len(claims) == length]
-        steps = [[_side(here, claim, sides, tolerance) for here, claim in zip(*walks[n], strict=True)] for n in chosen]
-        for n, loop in zip(chosen, _closed([walks[n] for n in chosen], steps, tolerance), strict=True):
-            loops[n] = loop
-    return tuple(loop for loop in loops if loop is not None)
+    for length in sorted({len(claims) for _, claims in fresh}):
+        chosen = [walk for walk in fresh if len(walk[1]) == length]
+        steps = [[_side(here, claim, sides, tolerance) for here, claim in zip(*walk, strict=True)] for walk in chosen]
+        known.update((loop.claims, loop) for loop in _closed(chosen, steps, tolerance))
+    out = tuple(known[claims] for _, claims in walks)
+    if len(known) > REMEMBERED_LOOPS:
+        known.clear()
+    return out
+
+
+@lru_cache(maxsize=4)
+def _remembered(tolerance: Tolerance) -> dict[tuple[Claim, ...], Loop]:
+    """The loops that were measured with a tolerance, by their claims."""
+    return {}
 
 
 def _side(
@@ -179,7 +197,7 @@ def _side(
 
 
 def _closed(
-    walks: Sequence[tuple[tuple[Source, ...], tuple[Claim, ...]]],
+    walks: Sequence[Walk],
     steps: Sequence[Sequence[Similarity]],
     tolerance: Tolerance,
 ) -> Iterator[Loop]:
