@@ -6,7 +6,6 @@ from random import Random
 
 from swarm import Robot, Swarm
 
-from mapgraft.graph.claims import Source
 from mapgraft.network.radio import NS_PER_S, Conditions, Partition
 
 STEPS = 24
@@ -55,7 +54,8 @@ def live(seed: int, steps: int = STEPS) -> Swarm:
     addresses = list("abcdef"[: random.randint(2, 6)])
     swarm = Swarm(conditions_of(random, addresses), window_ns=random.randint(1, 6) * NS_PER_S)
     for address in addresses:
-        robot = swarm.add(address, previews=random.random() < 0.5)
+        twin = address == "b" and random.random() < 0.15  # two robots of one name
+        robot = swarm.add(address, "a" if twin else "", previews=random.random() < 0.5)
         for _ in range(random.randrange(3)):
             robot.observe()
     kinds, weights = list(_WEIGHTS), list(_WEIGHTS.values())
@@ -80,23 +80,34 @@ def _step(swarm: Swarm, kind: str, random: Random) -> None:
         case "correct":
             robot.correct(random.randrange(1, 9) / 8.0)
         case "begin again":
-            swarm.add(address, epoch=robot.source.epoch + 1, previews=robot.previews)
+            swarm.add(address, robot.source.name, robot.source.epoch + 1, previews=robot.previews)
+        case "claim":
+            if robot.claims.of(robot.source, source := swarm.robots[other].source) is None and robot.source != source:
+                robot.claim(source, "provisional")
         case _:
-            _judge(robot, swarm.robots[other].source, kind)
+            _judge(robot, kind, random)
     if random.random() < 0.3:
         swarm.advance(random.randrange(NS_PER_S))
 
 
-def _judge(robot: Robot, other: Source, kind: str) -> None:
-    """A robot changes its mind about a merge with another one, if it has heard of it."""
-    known = robot.claims.of(robot.source, other)
-    if kind == "claim" and known is None:
-        robot.claim(other, "provisional")
-    elif kind == "confirm" and known is not None and known.state == "provisional":
-        robot.claim(other, "confirmed")
-    elif kind == "revoke" and known is not None and known.is_active:
-        robot.claim(other, "reverted")
-    elif kind == "revoke as donor":
-        robot.revoke_as_donor(other)
-    elif kind == "merge again" and known is not None and not known.is_active:
-        robot.claim(other, "provisional", anew=True)
+def _judge(robot: Robot, kind: str, random: Random) -> None:
+    """A robot changes its mind about one of its merges, or about one that another robot made with it."""
+    mine = [claim for claim in robot.claims if claim.receiver == robot.source]
+    meant = {
+        "confirm": [claim.donor for claim in mine if claim.state == "provisional"],
+        "revoke": [claim.donor for claim in mine if claim.is_active],
+        "revoke as donor": [claim.receiver for claim in robot.claims if claim.donor == robot.source],
+        "merge again": [claim.donor for claim in mine if not claim.is_active],
+    }[kind]
+    if not meant:
+        return
+    one = random.choice(meant)
+    match kind:
+        case "confirm":
+            robot.claim(one, "confirmed")
+        case "revoke":
+            robot.claim(one, "reverted")
+        case "revoke as donor":
+            robot.revoke_as_donor(one)
+        case "merge again":
+            robot.claim(one, "provisional", anew=True)

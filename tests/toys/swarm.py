@@ -29,7 +29,7 @@ from mapgraft.exchange import Form, Offer
 from mapgraft.graph.chains import Chain, best_chains
 from mapgraft.graph.claims import Claim, Claims, Source
 from mapgraft.network.node import Node, Wish
-from mapgraft.network.radio import NS_PER_S, Conditions, Radio, Traffic
+from mapgraft.network.radio import NS_PER_S, Conditions, Fates, Radio, Traffic
 from mapgraft.network.replica import Whole
 from mapgraft.network.wire import Aspect, Copy, encode, kind_of
 from mapgraft.reversal import Reversal, new_reversal
@@ -194,6 +194,7 @@ class Swarm:
     robots: dict[str, Robot] = field(default_factory=dict)
     traffic: Traffic = field(default_factory=Traffic)
     now_ns: int = 0
+    lived: Fates = field(default_factory=Fates)  # of messages before everything was healed
     radio: Radio = field(init=False)
 
     def __post_init__(self) -> None:
@@ -231,7 +232,7 @@ class Swarm:
     def heal(self) -> None:
         """Nothing is lost any more, and everybody meets everybody until nobody has anything to say."""
         self.advance(60 * NS_PER_S)
-        self.radio = Radio()
+        self.lived, self.radio = self.radio.fates, Radio()
         for _ in range(3):
             self.advance(NS_PER_S)
             for one in sorted(self.robots):

@@ -192,6 +192,7 @@ class Node:
             return
         if sender not in self.peers and len(self.peers) >= MOST_PEERS:
             return
+        self.replica.belongs_to(source, hello.writer)
         self.peers[sender] = Peer(source, hello.writer, hello.offer, offer.provenance.version, now_ns)
         self._learn(hello.claims, now_ns)
         self._say(sender, *self.gossip.heard(sender, source, hello))

@@ -9,8 +9,9 @@ from typing import Final, NamedTuple
 
 from mapgraft.contracts import MapError
 from mapgraft.exchange import Form
+from mapgraft.graph.claims import Source
 from mapgraft.network.held import Held, Taken, messages_of, raw
-from mapgraft.network.wire import Copy, Head, Parts, Piece, Want
+from mapgraft.network.wire import ASPECTS, Copy, Head, Parts, Piece, Want
 
 MOST_COPIES: Final = 4096
 
@@ -60,10 +61,17 @@ class Replica:
     def wish(self, copy: Copy, plain: bool = False) -> Want:
         """What to ask for to get the newest version of a copy; what has come already is left out, as far as it fits."""
         held = self.copies.get(copy)
-        if held is None:
-            return Want(copy, 0, plain)
+        if held is None or held.head is None:
+            return Want(copy, 0, plain=plain)
         got = {} if plain else dict(sorted(held.got().items())[:_MOST_GOT])
-        return Want(copy, held.version, plain, got)
+        return Want(copy, held.version, held.head.writer, plain, got)
+
+    def belongs_to(self, source: Source, writer: bytes) -> None:
+        """A source has been met: what is held of it by a writer of a larger id was another robot's of that name."""
+        for aspect in ASPECTS:
+            held = self.copies.get(Copy(source, aspect))
+            if held is not None and held.head is not None and held.head.writer > writer:
+                del self.copies[Copy(source, aspect)]
 
     def start_anew(self, copy: Copy) -> None:
         """Forget what came of a copy since it was last complete."""
@@ -73,12 +81,18 @@ class Replica:
     def answer(self, want: Want) -> list[Parts]:
         """The messages that bring whoever asks to what is complete here; one without a head where nothing is newer."""
         held = self.copies.get(want.copy)
-        if held is None or held.whole is None or held.version <= want.since:
-            return [Parts(want.copy, want.since)]
-        told = messages_of(held.pieces(want.since, want.got, want.plain))
-        return [
-            Parts(want.copy, want.since, held.whole, number, len(told), pieces) for number, pieces in enumerate(told)
-        ]
+        nothing = [Parts(want.copy, want.since)]
+        if held is None or held.whole is None:
+            return nothing
+        since, got = want.since, want.got
+        if want.writer != held.whole.writer:
+            if any(want.writer) and want.writer < held.whole.writer:
+                return nothing
+            since, got = 0, {}
+        elif held.version <= since:
+            return nothing
+        told = messages_of(held.pieces(since, got, want.plain))
+        return [Parts(want.copy, since, held.whole, number, len(told), pieces) for number, pieces in enumerate(told)]
 
     def _of(self, copy: Copy) -> Held:
         held = self.copies.get(copy)

@@ -29,7 +29,7 @@ _CHECK: Final = 8
 
 Aspect = Literal["layer", "preview"]
 Change = Literal["gone", "whole", "difference", "against"]
-_ASPECTS: Final[tuple[Aspect, ...]] = ("layer", "preview")
+ASPECTS: Final[tuple[Aspect, ...]] = ("layer", "preview")
 _FORMS: Final[tuple[Form, ...]] = ("parts", "whole")
 _CHANGES: Final[tuple[Change, ...]] = ("gone", "whole", "difference", "against")
 
@@ -108,12 +108,14 @@ class Told:
 class Want:
     """Asks for what has changed of a layer or preview since a version that the sender has whole (0: all of it).
 
+    ``writer`` is whose version that is; of another writer's everything is asked for, if that one has the smaller id.
     ``got`` are parts that have already come of a newer version; ``plain`` asks for them as they are, because what the
     sender had was not what the other thought.
     """
 
     copy: Copy
     since: int
+    writer: bytes = bytes(WRITER)
     plain: bool = False
     got: Mapping[bytes, int] = field(default_factory=dict)
 
@@ -236,24 +238,24 @@ def _read_summary(reader: Reader) -> Summary:
 
 
 def _write_copy(writer: Writer, copy: Copy) -> None:
-    writer.source(copy.source).number(_ASPECTS.index(copy.aspect))
+    writer.source(copy.source).number(ASPECTS.index(copy.aspect))
 
 
 def _read_copy(reader: Reader) -> Copy:
-    return Copy(reader.source(), _ASPECTS[reader.number(len(_ASPECTS) - 1)])
+    return Copy(reader.source(), ASPECTS[reader.number(len(ASPECTS) - 1)])
 
 
 def _write_want(writer: Writer, want: Want) -> None:
     _write_copy(writer, want.copy)
-    writer.number(want.since).number(int(want.plain)).number(len(want.got))
+    writer.number(want.since).raw(want.writer).number(int(want.plain)).number(len(want.got))
     for name in sorted(want.got):
         writer.text(name).number(want.got[name])
 
 
 def _read_want(reader: Reader) -> Want:
-    copy, since, plain = _read_copy(reader), reader.number(), bool(reader.number(1))
+    copy, since, whose, plain = _read_copy(reader), reader.number(), reader.raw(WRITER), bool(reader.number(1))
     got = {reader.text(MOST_NAME): reader.number() for _ in range(reader.number(MOST_LISTED))}
-    return Want(copy, since, plain, got)
+    return Want(copy, since, whose, plain, got)
 
 
 def _write_parts(writer: Writer, parts: Parts) -> None:
