@@ -44,6 +44,7 @@ class RobotHost:
             return "layer" if self.robot.consider(whole.head.offer, sent, stamp_ns, preview=True) else "nothing"
         self.robot.graph.layers.add(sent)
         self.robot.consider(whole.head.offer, sent, stamp_ns)
+        self.robot.graph.publish(stamp_ns)
         return "nothing"
 
     def passed_on(self, whole: Whole, size: int, stamp_ns: int) -> None:

@@ -161,24 +161,31 @@ class Node:
             self.unreadable += 1
 
     def settle(self, now_ns: int, neighbours: Sequence[str]) -> bool:
-        """When nothing more comes: draw the consequences of what was heard, ask again for what is overdue, ask others
-        for third robots' layers, and tell news.
+        """When nothing more comes: tell news, ask again for what is overdue, and when there is no more to tell, draw the
+        consequences of what was heard and ask others for third robots' layers.
 
-        Returns whether there was anything to say.
+        Consequences that are drawn before everybody has told everything would be drawn twice. Returns whether there was
+        anything to say.
         """
         before = len(self.outbox)
         self.wake_ns = None
-        self.host.heard(now_ns)
         here = [peer for peer in neighbours if peer in self.peers]
+        self._tell_news(here)
+        is_quiet = len(self.outbox) == before
         self._ask_again(now_ns, here)
-        for source in sorted(self.host.lacks()):
-            self._ask_for(source, now_ns, here)
+        if is_quiet:
+            self.host.heard(now_ns)
+            for source in sorted(self.host.lacks()):
+                self._ask_for(source, now_ns, here)
+            self._tell_news(here)
+        if self._questions or len(self.outbox) > before:
+            self._wake(now_ns + self.patience_ns)
+        return len(self.outbox) > before
+
+    def _tell_news(self, here: Sequence[str]) -> None:
         for peer in here:
             while self.gossip.has_news_for(peer):
                 self._say(peer, Told(self.gossip.news_for(peer)))
-        if self._questions:
-            self._wake(now_ns + self.patience_ns)
-        return len(self.outbox) > before
 
     def said(self) -> list[Outgoing]:
         """Empty the outbox."""
