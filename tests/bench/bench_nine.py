@@ -1,13 +1,14 @@
 """Nine robots on the Intel log, every third merge forced wrong: what loops of merges alone find out.
 
-    python tests/bench/bench_nine.py [--every 3] [--robots 9] [--keep 1.0]
+    python tests/bench/bench_nine.py [--every 3] [--robots 9] [--keep 1.0] [--along]
 
 The log is cut into nine robots with maps and frames of their own. When all have mapped, they meet once: every third
 pair that would be merged is put somewhere else, 3 to 9 m off. No robot maps on, so nothing but the consistency of the
 merges can tell; the merges' own probabilities are kept from it, too. What stands then is held against the log's poses,
 the wrong merges that are left are taken out by hand, and every map is compared, byte for byte, with that of a second
 meeting at which the same pairs were not merged at all. With ``--keep`` only a share of the pairs meets, so that merges
-lie in fewer loops.
+lie in fewer loops. With ``--along`` the robots map all at once and meet every minute, so that new cells speak, too, and
+lies are told again and again.
 """
 
 from __future__ import annotations
@@ -28,10 +29,12 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "toys"))
 import saboteur
 
+import mapgraft
 from mapgraft.assembly import Assembly, assemble
 from mapgraft.config import parse_config
 from mapgraft.contracts import Meeting, Transform
 from mapgraft.decision import build_table
+from mapgraft.events import Event
 from mapgraft.graph.loops import find_loops
 from mapgraft.outputs.null_sink import NullSink
 from mapgraft.plugins import Origin, load_plugin, load_plugins
@@ -106,6 +109,40 @@ def meet(count: int, every: int, keep: float, refuse: bool) -> Met:
     return Met(assembly, truth, stamp_ns, time.process_time() - start)
 
 
+def along(count: int, every: int) -> bool:
+    """Lies while everybody maps; True when none is left that was found out by nobody and yet confirmed."""
+    plugins = load_plugins()
+    load_plugin(plugins, saboteur, Origin("saboteur", "saboteur", "1.0"))
+    config = parse_config(config_of(count, every, refuse=False) | {"exchange": {"use": "every", "seconds": 60}})
+    with open_mission([LOG], config, plugins=plugins) as mission:
+        truth = dict(mission.T_world_map)
+    events = mapgraft.run([LOG], config, plugins=plugins).events
+
+    def is_right(event: Event) -> bool:
+        assert event.T_receiver_donor is not None
+        apart = (truth[event.receiver].inverse() @ truth[event.donor]).difference(event.T_receiver_donor)
+        return apart[0] <= RIGHT_M and apart[1] <= RIGHT_RAD
+
+    merged = {e.merge_id: is_right(e) for e in events if e.kind == "merged"}
+    gone = {e.merge_id: e.by for e in events if e.kind == "reverted"}
+    last = {e.merge_id: e for e in events if e.merge_id in merged}
+    wrong = [merge_id for merge_id, right in merged.items() if not right]
+    left = [last[merge_id] for merge_id in wrong if merge_id not in gone]
+    print(f"merges made                          {len(merged)}, of which wrong {len(wrong)}")
+    for by in sorted(set(gone.values())):
+        told = [merge_id for merge_id, one in gone.items() if one == by]
+        right = sum(merged[merge_id] for merge_id in told)
+        print(f"  reverted by {by:22} {len(told) - right} wrong ones, {right} right ones")
+    for event in left:
+        print(f"  left: {event.merge_id} {event.state}, at a wrong place")
+    there = {e.merge_id: e for e in events if ".via." in e.merge_id}
+    standing = [e for e in there.values() if e.state == "attached"]
+    print(
+        f"layers attached at the end           {len(standing)}, at a wrong place {sum(not is_right(e) for e in standing)}"
+    )
+    return not any(event.state == "confirmed" for event in left)
+
+
 def lies_in_a_loop(met: Met) -> set[str]:
     """The ids of all merges that were made and lie in a loop with others."""
     made = {claim.merge_id: claim for robot in met.robots.values() for claim in robot.claims}
@@ -173,10 +210,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--every", type=int, default=3)
     parser.add_argument("--robots", type=int, default=9)
     parser.add_argument("--keep", type=float, default=1.0)
+    parser.add_argument("--along", action="store_true")
     told = parser.parse_args(arguments)
     if not LOG.is_file():
         print(f"needs {LOG}")
         return 1
+    if told.along:
+        return 0 if along(told.robots, told.every) else 1
     sabotaged, clean = (meet(told.robots, told.every, told.keep, refuse) for refuse in (False, True))
     return 0 if report(sabotaged, clean) else 1
 

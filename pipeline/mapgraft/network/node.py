@@ -161,8 +161,8 @@ class Node:
             self.unreadable += 1
 
     def settle(self, now_ns: int, neighbours: Sequence[str]) -> bool:
-        """When nothing more comes: tell news, ask again for what is overdue, and when there is no more to tell, draw the
-        consequences of what was heard and ask others for third robots' layers.
+        """When nothing more comes: tell news, ask again for what is overdue, and when there is no more to tell, draw
+        the consequences of what was heard and ask others for third robots' layers.
 
         Consequences that are drawn before everybody has told everything would be drawn twice. Returns whether there was
         anything to say.
