@@ -137,9 +137,8 @@ def along(count: int, every: int) -> bool:
         print(f"  left: {event.merge_id} {event.state}, at a wrong place")
     there = {e.merge_id: e for e in events if ".via." in e.merge_id}
     standing = [e for e in there.values() if e.state == "attached"]
-    print(
-        f"layers attached at the end           {len(standing)}, at a wrong place {sum(not is_right(e) for e in standing)}"
-    )
+    astray = sum(not is_right(event) for event in standing)
+    print(f"layers attached at the end           {len(standing)}, at a wrong place {astray}")
     return not any(event.state == "confirmed" for event in left)
 
 
