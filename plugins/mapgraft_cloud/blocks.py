@@ -112,11 +112,14 @@ class BlockPool:
         """Copies of the blocks that hold evidence, ascending, ``at_once`` in each but the last."""
         keys = self.filled()
         for first in range(0, keys.size, at_once):
-            some = keys[first : first + at_once]
-            slots = self.slots[find(self.keys, some)]
-            counts = self.counts[slots]
-            solid = np.flatnonzero(counts[:, HITS].any(axis=1))
-            yield Blocks(some, counts, solid, self.sums[self.rows[slots[solid]]])
+            yield self.some(keys[first : first + at_once])
+
+    def some(self, keys: BlockKeys) -> Blocks:
+        """Copies of blocks that are all there."""
+        slots = self.slots[find(self.keys, keys)]
+        counts = self.counts[slots]
+        solid = np.flatnonzero(counts[:, HITS].any(axis=1))
+        return Blocks(keys, counts, solid, self.sums[self.rows[slots[solid]]])
 
     def add(self, blocks: Blocks, weight: int = 1) -> None:
         """Add the counts of blocks, ``weight`` times; that they fit was asked before."""

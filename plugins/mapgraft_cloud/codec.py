@@ -10,17 +10,18 @@ layers have equal bytes.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft_cloud.blocks import AXES, HITS, BlockPool, Blocks
+from mapgraft_cloud.blocks import AXES, HITS, BlockPool, Blocks, Counts
 from mapgraft_cloud.kernels.block_keys import VOLUME, VOXEL_LIMIT
 from mapgraft_cloud.kernels.placing import STEPS
 from mapgraft_cloud.layer import FROM_CLOUDS, READY_MADE, CloudLayer
 from mapgraft_cloud.parameters import COARSEST_M, FINEST_M, MOST_LOOKS, SensorModel
-from mapgraft_cloud.region import corners_of
+from mapgraft_cloud.region import BlockKeys, corners_of
 from mapgraft_standard.frames import Frame
 
 _FRAME: Final = Frame("point cloud map", b"MGCLOUD", 1, 1 << 33)
@@ -32,6 +33,20 @@ def encode(layer: CloudLayer) -> bytes:
     """Canonical bytes of a layer: equal evidence gives equal bytes, however it came together."""
     told = [(model, pool, pool.filled()) for model, pool in layer.pools()]
     pools = [told[0], *(one for one in told[1:] if one[2].size)]
+    header = header_of(layer, [(model, int(keys.size)) for model, _, keys in pools])
+    packer = _FRAME.packer().compressobj()
+    packed = [packer.compress(header + b"\n")]
+    for _, pool, keys in pools:
+        packed.append(packer.compress(np.diff(keys, prepend=np.int64(0)).astype("<i8").tobytes()))
+        for blocks in pool.blocks(_TOGETHER):
+            packed.append(packer.compress(np.ascontiguousarray(blocks.counts.transpose(1, 0, 2), "<u4").tobytes()))
+            packed.append(packer.compress(positions_of(blocks).astype("<u4").tobytes()))
+    packed.append(packer.flush())
+    return _FRAME.head + b"".join(packed)
+
+
+def header_of(layer: CloudLayer, pools: Sequence[tuple[SensorModel, int]]) -> bytes:
+    """What there is to say once of a layer, and of each pool how many blocks it has."""
     header = {
         "voxel_m": layer.voxel_m,
         "observations": layer.observations,
@@ -39,18 +54,9 @@ def encode(layer: CloudLayer) -> bytes:
         "sensors": sorted(layer.sensors),
         "mapper": layer.mapper,
         "floors": layer.floors.rows(),
-        "pools": [[model.l_hit, model.l_miss, int(keys.size)] for model, _, keys in pools],
+        "pools": [[model.l_hit, model.l_miss, blocks] for model, blocks in pools],
     }
-    packer = _FRAME.packer().compressobj()
-    packed = [packer.compress(json.dumps(header, sort_keys=True, ensure_ascii=True).encode() + b"\n")]
-    for _, pool, keys in pools:
-        packed.append(packer.compress(np.diff(keys, prepend=np.int64(0)).astype("<i8").tobytes()))
-        for blocks in pool.blocks(_TOGETHER):
-            packed.append(packer.compress(np.ascontiguousarray(blocks.counts.transpose(1, 0, 2), "<u4").tobytes()))
-            block, place = np.nonzero(blocks.counts[blocks.solid, HITS])
-            packed.append(packer.compress(np.ascontiguousarray(blocks.sums[block, :, place].T, "<u4").tobytes()))
-    packed.append(packer.flush())
-    return _FRAME.head + b"".join(packed)
+    return json.dumps(header, sort_keys=True, ensure_ascii=True).encode()
 
 
 def decode(data: bytes) -> CloudLayer:
@@ -90,23 +96,29 @@ class _Numbers:
 
 
 def _layer(header: Any, body: _Numbers) -> CloudLayer:
+    layer, models = layer_with(header)
+    pools = [_pool(int(blocks), body) for _, _, blocks in header["pools"]]
+    body.end()
+    layer.own, layer.absorbed = pools[0], dict(zip(models[1:], pools[1:], strict=True))
+    return layer
+
+
+def layer_with(header: Any) -> tuple[CloudLayer, list[SensorModel]]:
+    """A layer with what is said once, and the sensor models of its pools; ValueError where that cannot be."""
     voxel_m = float(header["voxel_m"])
     if not FINEST_M <= voxel_m <= COARSEST_M:
         raise ValueError(f"voxels of {voxel_m} m")
     if header["mapper"] not in _MAPPERS or min(int(header["observations"]), int(header["dropped"])) < 0:
         raise ValueError(f"the mapper {header['mapper']!r} after {header['observations']} observations")
     models = [SensorModel(int(l_hit), int(l_miss)) for l_hit, l_miss, _ in header["pools"]]
-    pools = [_pool(int(blocks), body) for _, _, blocks in header["pools"]]
-    body.end()
     layer = CloudLayer(voxel_m, models[0])
-    layer.own, layer.absorbed = pools[0], dict(zip(models[1:], pools[1:], strict=True))
     for x, y, height, sweeps in header["floors"]:
         if sweeps < 1 or max(map(abs, (x, y, height))) >= VOXEL_LIMIT:
             raise ValueError(f"a floor at {x}, {y}, {height} in {sweeps} sweeps")
         layer.floors.add((int(x), int(y), int(height)), int(sweeps))
     layer.observations, layer.dropped = int(header["observations"]), int(header["dropped"])
     layer.sensors, layer.mapper = frozenset(map(str, header["sensors"])), str(header["mapper"])
-    return layer
+    return layer, models
 
 
 def _pool(blocks: int, body: _Numbers) -> BlockPool:
@@ -114,20 +126,38 @@ def _pool(blocks: int, body: _Numbers) -> BlockPool:
     if blocks < 0:
         raise ValueError(f"{blocks} blocks")
     keys = np.cumsum(body.take("<i8", blocks).astype(np.int64))
-    if blocks and (keys[0] < 0 or (np.diff(keys) <= 0).any() or np.abs(corners_of(keys)).max() > VOXEL_LIMIT):
-        raise ValueError("its blocks are out of order")
+    require_ordered(keys)
     body.require(blocks * 2 * VOLUME * 4)
     pool = BlockPool(blocks)
     for first in range(0, blocks, _TOGETHER):
         some = keys[first : first + _TOGETHER]
         counts = body.take("<u4", 2 * some.size * VOLUME).reshape(2, some.size, VOLUME).transpose(1, 0, 2)
-        hits = counts[:, HITS]
-        solid = np.flatnonzero(hits.any(axis=1))
-        block, place = np.nonzero(hits[solid])
-        told = body.take("<u4", AXES * block.size).reshape(AXES, block.size)
-        if (counts > MOST_LOOKS).any() or (told > (STEPS - 1) * hits[solid][block, place].astype(np.int64)).any():
-            raise ValueError("counts or positions that cannot be")
-        sums = np.zeros((solid.size, AXES, VOLUME), np.uint32)
-        sums[block, :, place] = told.T
-        pool.add(Blocks(some, np.ascontiguousarray(counts, np.uint32), solid, sums))
+        told = body.take("<u4", AXES * int(np.count_nonzero(counts[:, HITS]))).reshape(AXES, -1)
+        pool.add(blocks_with(some, np.ascontiguousarray(counts, np.uint32), told))
     return pool
+
+
+def require_ordered(keys: BlockKeys) -> None:
+    """ValueError unless these are keys of blocks that can be, ascending."""
+    if keys.size and (keys[0] < 0 or (np.diff(keys) <= 0).any() or np.abs(corners_of(keys)).max() > VOXEL_LIMIT):
+        raise ValueError("its blocks are out of order")
+
+
+def positions_of(blocks: Blocks) -> NDArray[np.uint32]:
+    """The position sums (3, n) of the voxels with hits, in the order of their blocks."""
+    block, place = np.nonzero(blocks.counts[blocks.solid, HITS])
+    return np.ascontiguousarray(blocks.sums[block, :, place].T)
+
+
+def blocks_with(keys: BlockKeys, counts: Counts, told: NDArray[np.integer]) -> Blocks:
+    """Blocks with these counts (k, 2, 512) and position sums (3, n); ValueError where they cannot be."""
+    hits = counts[:, HITS]
+    solid = np.flatnonzero(hits.any(axis=1))
+    block, place = np.nonzero(hits[solid])
+    if told.shape[1] != block.size:
+        raise ValueError(f"{told.shape[1]} positions of {block.size} voxels")
+    if (counts > MOST_LOOKS).any() or (told > (STEPS - 1) * hits[solid][block, place].astype(np.int64)).any():
+        raise ValueError("counts or positions that cannot be")
+    sums = np.zeros((solid.size, AXES, VOLUME), np.uint32)
+    sums[block, :, place] = told.T
+    return Blocks(keys, counts, solid, sums)

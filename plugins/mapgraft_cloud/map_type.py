@@ -24,7 +24,7 @@ from mapgraft.contracts import (
     Reset,
     Transform,
 )
-from mapgraft_cloud import baking, codec, observing, output, placing, views
+from mapgraft_cloud import baking, codec, cutting, observing, output, placing, views
 from mapgraft_cloud.above import seen_from_above
 from mapgraft_cloud.cloud_map import CloudMap, as_map
 from mapgraft_cloud.layer import CloudLayer, as_layer
@@ -164,6 +164,17 @@ class PointCloud:
 
     def decode(self, data: bytes) -> CloudLayer:
         return codec.decode(data)
+
+    def parts(self, layer: Layer) -> Mapping[bytes, bytes]:
+        """By cube of 2 × 2 × 2 blocks; and once what there is to say of all."""
+        return cutting.cut(as_layer(layer))
+
+    def join(self, parts: Mapping[bytes, bytes]) -> CloudLayer:
+        return cutting.join(parts)
+
+    def preview(self, layer: Layer) -> CloudLayer:
+        """What this instance sees in the layer: one look at every voxel that is made out, with its mean point."""
+        return cutting.preview(as_layer(layer), self.view(layer))
 
     def metadata(self, layer: Layer) -> MapMetadata:
         """``extra`` tells ``voxels_occupied``, ``free_space`` (whether anything is known to be free) and the heights

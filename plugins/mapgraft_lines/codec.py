@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -32,25 +33,35 @@ from mapgraft_standard.frames import Frame
 
 _FRAME: Final = Frame("map of line segments", b"MGLINES", 1, 1 << 32)  # 50 million rows
 _MAPPERS: Final = ("", FROM_SCANS, READY_MADE, CONVERTED)
-_COLUMNS: Final = (PIECE_COLUMNS, SPACE_COLUMNS, PIECE_COLUMNS, SPACE_COLUMNS)
+COLUMNS: Final = (PIECE_COLUMNS, SPACE_COLUMNS, PIECE_COLUMNS, SPACE_COLUMNS)
 _SLOT_MASK: Final = (1 << SLOT_BITS) - 1
 _ITEM: Final = 8  # bytes of a number
 
 
 def encode(layer: LineLayer) -> bytes:
     """Canonical bytes of a layer: equal evidence gives equal bytes, however it came together."""
-    tables = (layer.own.pieces, layer.own.space, layer.absorbed.pieces, layer.absorbed.space)
+    tables = tables_of(layer)
+    columns = [column for table in tables for column in (_steps(table.keys), *table.counts.T)]
+    body = b"".join(np.ascontiguousarray(column, "<i8").tobytes() for column in columns)
+    payload = header_of(layer, [len(table) for table in tables]) + b"\n" + body
+    return _FRAME.head + _FRAME.packer().compress(payload)
+
+
+def tables_of(layer: LineLayer) -> tuple[Table, ...]:
+    """Own pieces and space, absorbed pieces and space."""
+    return (layer.own.pieces, layer.own.space, layer.absorbed.pieces, layer.absorbed.space)
+
+
+def header_of(layer: LineLayer, rows: Sequence[int]) -> bytes:
+    """What there is to say once of a layer, and how many rows each table has."""
     header = {
         "cell_m": layer.cell_m,
         "mapper": layer.mapper,
         "observations": layer.observations,
-        "rows": [len(table) for table in tables],
+        "rows": list(rows),
         "sensors": sorted(layer.sensors),
     }
-    columns = [column for table in tables for column in (_steps(table.keys), *table.counts.T)]
-    body = b"".join(np.ascontiguousarray(column, "<i8").tobytes() for column in columns)
-    payload = json.dumps(header, sort_keys=True, ensure_ascii=True).encode() + b"\n" + body
-    return _FRAME.head + _FRAME.packer().compress(payload)
+    return json.dumps(header, sort_keys=True, ensure_ascii=True).encode()
 
 
 def decode(data: bytes) -> LineLayer:
@@ -66,18 +77,30 @@ def decode(data: bytes) -> LineLayer:
 
 
 def _layer(header: Any, body: bytes) -> LineLayer:
-    cell_m, rows = float(header["cell_m"]), [int(count) for count in header["rows"]]
-    if not (0.0 < cell_m < math.inf) or len(rows) != len(_COLUMNS) or min(rows) < 0:
-        raise ValueError(f"cells of {cell_m} m, tables of {rows} rows")
-    if _ITEM * sum(n * (1 + columns) for n, columns in zip(rows, _COLUMNS, strict=True)) != len(body):
+    rows = [int(count) for count in header["rows"]]
+    if len(rows) != len(COLUMNS) or min(rows) < 0:
+        raise ValueError(f"tables of {rows} rows")
+    if _ITEM * sum(n * (1 + columns) for n, columns in zip(rows, COLUMNS, strict=True)) != len(body):
         raise ValueError(f"tables of {rows} rows in {len(body)} bytes")
-    if header["mapper"] not in _MAPPERS or int(header["observations"]) < 0:
-        raise ValueError(f"the mapper {header['mapper']!r} after {header['observations']} observations")
     tables, at = [], 0
-    for n, columns in zip(rows, _COLUMNS, strict=True):
+    for n, columns in zip(rows, COLUMNS, strict=True):
         numbers = np.frombuffer(body, "<i8", n * (1 + columns), at).astype(np.int64).reshape(1 + columns, n)
         at += _ITEM * numbers.size
-        tables.append(_table(np.cumsum(numbers[0]), np.ascontiguousarray(numbers[1:].T), columns))
+        tables.append(np.column_stack((np.cumsum(numbers[0]), numbers[1:].T)))
+    return layer_of(header, tables)
+
+
+def layer_of(header: Any, rows: Sequence[NDArray[np.int64]]) -> LineLayer:
+    """The layer of a header and the rows of the four tables, each its key and its counts; ValueError if there is none."""
+    cell_m = float(header["cell_m"])
+    if not (0.0 < cell_m < math.inf):
+        raise ValueError(f"cells of {cell_m} m")
+    if header["mapper"] not in _MAPPERS or int(header["observations"]) < 0:
+        raise ValueError(f"the mapper {header['mapper']!r} after {header['observations']} observations")
+    tables = [
+        _table(np.ascontiguousarray(table[:, 0]), np.ascontiguousarray(table[:, 1:]), columns)
+        for table, columns in zip(rows, COLUMNS, strict=True)
+    ]
     return LineLayer(
         cell_m,
         Evidence(tables[0], tables[1]),

@@ -26,7 +26,7 @@ from mapgraft.contracts import (
     Scan,
     Transform,
 )
-from mapgraft_lines import codec, output, parameters
+from mapgraft_lines import codec, cutting, output, parameters
 from mapgraft_lines.crossing import crossing_m
 from mapgraft_lines.extraction import SensorModel, evidence_of
 from mapgraft_lines.layer import FROM_SCANS, NAME, READY_MADE, Evidence, LineLayer, as_layer
@@ -231,6 +231,13 @@ class LineSegments:
 
     def decode(self, data: bytes) -> LineLayer:
         return codec.decode(data)
+
+    def parts(self, layer: Layer) -> Mapping[bytes, bytes]:
+        """By square of 16 × 16 cells and table; and once what there is to say of all."""
+        return cutting.cut(as_layer(layer))
+
+    def join(self, parts: Mapping[bytes, bytes]) -> LineLayer:
+        return cutting.join(parts)
 
     def metadata(self, layer: Layer) -> MapMetadata:
         """``extra`` tells ``walls``, their length ``wall_m``, and of it what runs across the rest (``crossing_m``)."""
