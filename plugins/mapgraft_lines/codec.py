@@ -91,7 +91,7 @@ def _layer(header: Any, body: bytes) -> LineLayer:
 
 
 def layer_of(header: Any, rows: Sequence[NDArray[np.int64]]) -> LineLayer:
-    """The layer of a header and the rows of the four tables, each its key and its counts; ValueError if there is none."""
+    """The layer of a header and the rows of the four tables, each its key and its counts; ValueError if none."""
     cell_m = float(header["cell_m"])
     if not (0.0 < cell_m < math.inf):
         raise ValueError(f"cells of {cell_m} m")
