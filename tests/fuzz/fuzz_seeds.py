@@ -324,7 +324,10 @@ def layer_seeds() -> list[bytes]:
     import zstandard
 
     from mapgraft.contracts import MapMetadata, Provenance
-    from mapgraft.exchange import LayerMessage, Offer
+    from mapgraft.exchange import Offer
+    from mapgraft.graph.claims import Source
+    from mapgraft.network.held import Held
+    from mapgraft.network.wire import Copy, Hello, Namesake, Parts, Summary, Told, Want, encode
     from mapgraft_grid.map_type import OccupancyGrid
 
     T = Transform.planar(1.0, 2.0, 0.3)
@@ -338,7 +341,23 @@ def layer_seeds() -> list[bytes]:
         if payload is not None:
             grid.integrate(layer, Observation("a", 0, 0, "laser", kind, payload, T, T))
         layers.append(grid.encode(layer))
-    messages = [LayerMessage(Provenance("a", 1, 2), "occupancy_grid", data).encode() for data in layers]
+    held = Held()
+    for version, data in enumerate(layers, start=1):
+        held.publish(b"writer-1", b"offer", version, "whole", {b"": data})
+    assert held.whole is not None
+    a, copy = Source("a", 1), Copy(Source("a", 1), "layer")
+    messages = [
+        encode(message)
+        for message in (
+            Hello(b"writer-1", b"offer", bytes(16), bytes(16), (b"claim",)),
+            Summary({a: bytes(16)}, (a,), True),
+            Told((b"claim", b"another")),
+            Want(copy, 2, b"writer-1", False, {b"part": 2}),
+            Parts(copy, 1, held.whole, 0, 1, tuple(held.pieces(1, {}, False))),
+            Parts(copy, 1, reason="there is none"),
+            Namesake(a, b"writer-1"),
+        )
+    ]
     offers = [
         Offer(Provenance("a", 1, 2), MapMetadata("occupancy_grid", 0.05, bounds_m=bounds, extra={"x": 1})).encode()
         for bounds in (None, (0.0, 0.0, 1.0, 1.0))
@@ -347,6 +366,7 @@ def layer_seeds() -> list[bytes]:
     return [
         *(b"p" + data for data in layers),
         *(b"m" + data for data in messages),
+        *(b"w" + data[4:-8] for data in messages),
         *(b"o" + data for data in offers),
         *(b"i" + data for data in inner),
     ]

@@ -199,12 +199,15 @@ def decision() -> Run:
 
 
 def layer() -> Run:
-    """The first byte chooses what the bytes are: a packed layer, the inside of one, a message or an offer."""
+    """The first byte chooses what the bytes are: a packed layer, a message, the inside of either, or an offer."""
     import zstandard
 
     from mapgraft.contracts import Transform
     from mapgraft.errors import MapgraftError
-    from mapgraft.exchange import LayerMessage, Offer
+    from mapgraft.exchange import Offer
+    from mapgraft.network.wire import MAGIC, sealed
+    from mapgraft.network.wire import decode as hear
+    from mapgraft.network.wire import encode as say
     from mapgraft_grid.codec import decode, encode
     from mapgraft_grid.map_type import OccupancyGrid
 
@@ -224,10 +227,9 @@ def layer() -> Run:
         with suppress(MapgraftError):
             if kind == b"o":
                 assert Offer.decode(Offer.decode(body).encode()) is not None
-            elif kind == b"m":
-                message = LayerMessage.decode(body)
-                assert LayerMessage.decode(message.encode()) == message
-                read(message.payload)
+            elif kind in (b"m", b"w"):
+                message = hear(body if kind == b"m" else sealed(MAGIC + body))
+                assert hear(say(message)) == message
             elif kind == b"p":
                 read(body)
             else:

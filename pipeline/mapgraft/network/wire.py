@@ -182,6 +182,11 @@ def encode(message: Message) -> bytes:
     data = bytes(writer.data)
     if len(data) + _CHECK > MOST_BYTES:
         raise MapError(f"a message of {len(data)} bytes is too long to be sent: {MOST_BYTES} are read")
+    return sealed(data)
+
+
+def sealed(data: bytes) -> bytes:
+    """A message's bytes with the hash behind them."""
     return data + _hash(data, _CHECK)
 
 
