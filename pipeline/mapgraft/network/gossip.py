@@ -33,14 +33,15 @@ class Gossip:
         self._learnt: dict[Edge, bytes] = {}  # what came from others, by the bytes of the claim
         self._fresh: dict[Edge, tuple[bytes, int]] = {}  # own claims, and at which version they were noticed
         self._told: dict[str, int] = {}  # peer → up to which version it was told what is written here
-        self._told_others: dict[str, bytes] = {}  # peer → what the last hello to it said of third robots' claims
+        # peer → as which source it was greeted last, and what it was told of third robots' claims
+        self._told_others: dict[str, tuple[Source | None, bytes]] = {}
         self.refused = 0  # claims that could not be read
 
     def hello(self, peer: str, me: Source, other: Source | None) -> tuple[bytes, bytes, tuple[bytes, ...]]:
         """For a hello: the digests of what this robot wrote and of what third ones did, and what is new to the peer."""
         self._look()
         others = self._others(me, other)
-        self._told_others[peer] = others
+        self._told_others[peer] = (other, others)
         return _bytes(self._sums.get(me, 0)), others, self.news_for(peer)
 
     def news_for(self, peer: str) -> tuple[bytes, ...]:
@@ -77,10 +78,15 @@ class Gossip:
                 self.refused += 1
         return changed
 
-    def heard(self, peer: str, source: Source, hello: Hello) -> Iterator[Message]:
-        """What there is to say after a hello from a peer, whose claims in it were learnt."""
+    def heard(self, peer: str, me: Source, source: Source, hello: Hello) -> Iterator[Message]:
+        """What there is to say after a hello from a peer, whose claims in it were learnt.
+
+        What it says of third robots is compared with what it was told itself, so that what either has learnt since is
+        not taken for a difference.
+        """
         self._look()
-        if hello.others != self._told_others.get(peer, self._others(source, None)):
+        greeted, others = self._told_others.get(peer, (None, b""))
+        if hello.others != (others if greeted == source else self._others(me, source)):
             yield Summary({receiver: _bytes(total) for receiver, total in self._sums.items()})
         elif hello.own != _bytes(self._sums.get(source, 0)):
             yield Summary({source: _bytes(self._sums.get(source, 0))}, (source,))

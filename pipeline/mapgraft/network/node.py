@@ -202,7 +202,7 @@ class Node:
         self.replica.belongs_to(source, hello.writer)
         self.peers[sender] = Peer(source, hello.writer, hello.offer, offer.provenance.version, now_ns)
         self._learn(hello.claims, now_ns)
-        self._say(sender, *self.gossip.heard(sender, source, hello))
+        self._say(sender, *self.gossip.heard(sender, self.source, source, hello))
         wish = self.host.wants(hello.offer, size, now_ns)
         self._wake(now_ns + self.patience_ns)
         if wish != "nothing":
