@@ -52,6 +52,7 @@ class Met:
 
     assembly: Assembly
     truth: Mapping[str, Transform]
+    pairs: tuple[tuple[str, str], ...]
     stamp_ns: int
     elapsed_s: float
 
@@ -106,7 +107,7 @@ def meet(count: int, every: int, keep: float, refuse: bool) -> Met:
         robot.graph.through = "provisional"
     start = time.process_time()
     assembly.exchange.hold(Meeting(stamp_ns, pairs))
-    return Met(assembly, truth, stamp_ns, time.process_time() - start)
+    return Met(assembly, truth, pairs, stamp_ns, time.process_time() - start)
 
 
 def along(count: int, every: int) -> bool:
@@ -158,18 +159,14 @@ def fused_bytes(robot: Robot) -> str:
 
 
 def take_out_by_hand(met: Met) -> int:
-    """Revert what stands and is wrong, and let everybody hear of it."""
+    """Revert what stands and is wrong, and let all meet again; no map has changed, so nobody tries to merge again."""
     taken = 0
     for name, robot in met.robots.items():
         for merge in list(robot.merges.values()):
             if not met.is_right(name, merge.donor, merge.comparison.T_receiver_donor):
                 robot.standing.revert(merge, met.stamp_ns, "by hand", "person")
                 taken += 1
-        robot.graph.publish(met.stamp_ns)
-    everybody = [claim for robot in met.robots.values() for claim in robot.claims]
-    for robot in met.robots.values():
-        robot.claims.join(everybody)
-        robot.heard(met.stamp_ns)
+    met.assembly.exchange.hold(Meeting(met.stamp_ns + 1, met.pairs))
     return taken
 
 
@@ -197,6 +194,7 @@ def report(met: Met, clean: Met) -> bool:
     ]
     print(f"  at a wrong place                   {len(wrongly)} {', '.join(wrongly)}")
     taken = take_out_by_hand(met)
+    clean.assembly.exchange.hold(Meeting(met.stamp_ns + 1, met.pairs))
     same = [fused_bytes(met.robots[name]) == fused_bytes(clean.robots[name]) for name in sorted(met.robots)]
     print(f"taken out by hand                    {taken}")
     print(f"maps then equal, bit for bit         {sum(same)} of {len(same)}")

@@ -77,9 +77,8 @@ class Attachments:
         other = self._metadata(donation)
         site = Site.of(self.standing.own.own_metadata(), other)
         match = _match(chain)
-        refused = self.standing.attempts.refusals.at(source.name, match.T_receiver_donor, site.about_m)
-        if refused:
-            self.leave(source, f"{refused[0].merge_id} was reverted there", stamp_ns)
+        if why := self._refused(source, match, site):
+            self.leave(source, why, stamp_ns)
             return
         tools = self._tools(source, other, chain, stamp_ns)
         if tools is None:
@@ -111,41 +110,49 @@ class Attachments:
 
     def _renew(self, source: Source, merge: Merge, chain: Chain, sent: SentLayer, stamp_ns: int) -> None:
         """Make the contribution again where anything it is made of has changed."""
-        standing, before = self.standing, merge.chain
-        meeting, version, _ = self._meeting(source, merge, sent)
-        match = _match(chain)
+        standing, match, version = self.standing, _match(chain), sent.provenance.version
         T = match.T_receiver_donor
         moved = merge.match.T_receiver_donor != T or match.scale != merge.match.scale
         newer = version != merge.provenance.version
-        merge.chain = chain
+        if (moved or newer) and merge.has_news:  # what was observed until now is judged by the transform that stood
+            standing.verify(merge, stamp_ns, everything=True)
+            if any(one is merge for one, _ in standing.doubted):
+                return
+        before, merge.chain = merge.chain, chain
+        is_elsewhere = not same_place(merge.comparison.T_receiver_donor, T, merge.site.about_m)
+        if is_elsewhere and (why := self._refused(source, match, merge.site)):
+            raise MapError(why)
         if not (moved or newer) and self._made_of[source] == (version, standing.reversal.version):
             return
-        if (moved or newer) and merge.has_news:
-            standing.verify(merge, stamp_ns, everything=True)
-        grafted = standing.attempts.graft(merge.tools, meeting, match)
-        if not same_place(merge.comparison.T_receiver_donor, T, merge.site.about_m):  # what spoke for it no longer does
+        grafted = standing.attempts.graft(merge.tools, self._meeting(merge, sent), match)
+        if is_elsewhere:  # what spoke for it no longer does
             self._enter(merge.merge_id, source, chain, merge.tools, grafted, merge.site, stamp_ns)
             merge = standing.attached[source]
             merge.start(stamp_ns)
         else:
-            with standing.workshop.guard.calling("fuser", merge.tools.procedure.fuse.use):
-                standing.reversal.replace(merge.merge_id, grafted.contribution)
-            self._made_of[source] = (version, standing.reversal.version)
-            worth = merge.site.is_worth_it(merge.comparison.T_receiver_donor, T)
-            if moved or newer:
-                merge.replace(grafted)
-            moved = worth or before is None or _ids(before) != _ids(chain)
+            self._swap(source, merge, grafted, moved or newer)
         if moved or newer:
-            reason = _why_anew(before, chain, newer)
-            standing.journal.changed("reattached", stamp_ns, merge, reason, BY, size=sent.size if newer else 0)
+            reason, size = _why_anew(before, chain, newer), sent.size if newer else 0
+            standing.journal.changed("reattached", stamp_ns, merge, reason, BY, size=size)
 
-    def _meeting(self, source: Source, merge: Merge, sent: SentLayer) -> tuple[Meeting, int, int]:
+    def _refused(self, source: Source, match: Match, site: Site) -> str:
+        """Why a source may not lie there; empty where it may."""
+        refused = self.standing.attempts.refusals.at(source.name, match.T_receiver_donor, site.about_m)
+        return f"{refused[0].merge_id} was reverted there" if refused else ""
+
+    def _swap(self, source: Source, merge: Merge, grafted: Grafted, is_other: bool) -> None:
+        """Replace the contribution; where the layer or the transform ``is_other`` now, the metrics must look again."""
+        with self.standing.workshop.guard.calling("fuser", merge.tools.procedure.fuse.use):
+            self.standing.reversal.replace(merge.merge_id, grafted.contribution)
+        self._made_of[source] = (grafted.contribution.provenance.version, self.standing.reversal.version)
+        if is_other:
+            merge.replace(grafted)
+
+    def _meeting(self, merge: Merge, sent: SentLayer) -> Meeting:
         """Where the held layer meets the own one; as it was when it is still the same layer."""
-        version = sent.provenance.version
-        if merge.meeting is not None and merge.meeting.provenance.version == version:
-            return merge.meeting, version, 0
-        donation = self.standing.own.receive(sent)
-        return self.standing.attempts.meet(merge.tools, donation), version, sent.size
+        if merge.meeting is not None and merge.meeting.provenance == sent.provenance:
+            return merge.meeting
+        return self.standing.attempts.meet(merge.tools, self.standing.own.receive(sent))
 
     def _metadata(self, donation: Donation) -> MapMetadata:
         own, other = self.standing.own.map_type, donation.layer.map_type

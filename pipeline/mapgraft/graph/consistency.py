@@ -118,17 +118,10 @@ def _explained(asked: _Asked) -> Explanation:
         problem = _problem(edges, mine, told, asked.settings)
         best = solve(problem)
         exact = exact and best.exact
-        share = MOST_WORK // max(1, len(best.wrong))
-        for at in best.wrong:
-            other = solve(problem, right=at, below=best.cost + asked.settings.margin, most_work=share)
-            grounds = _with_margin(told[edges[at]], best, other)
-            if other.cost < best.cost + asked.settings.margin:
-                disputed[edges[at]] = grounds
-                for rival in other.wrong:
-                    if rival not in best.wrong:
-                        disputed.setdefault(edges[rival], _with_margin(told[edges[rival]], other, best))
-            else:
-                wrong[edges[at]] = grounds
+        for at, spared in _spared(problem, best, asked.settings.margin).items():
+            grounds = _with_margin(told[edges[at]], best, spared)
+            into = disputed if spared.cost < best.cost + asked.settings.margin else wrong
+            into[edges[at]] = grounds
     return Explanation(loops, told, _sorted(wrong), _sorted(disputed), exact)
 
 
@@ -187,6 +180,25 @@ def _problem(edges: Sequence[Edge], loops: Sequence[Loop], told: Mapping[Edge, G
         by_chance=settings.by_chance,
         by_alias=settings.by_alias,
     )
+
+
+def _spared(problem: Problem, best: Solution, margin: float) -> dict[int, Solution]:
+    """Each claim that is wrong by the best explanation → the best one in which it is right; where that is worse by less
+    than the margin, so are those that are then wrong instead, and what would be wrong in their stead."""
+    below, share = best.cost + margin, MOST_WORK // max(1, len(best.wrong))
+    out = {at: solve(problem, (at,), below, share) for at in best.wrong}
+    doubtful = {at for at, other in out.items() if other.cost < below}
+    waiting = [out[at] for at in sorted(doubtful)]
+    while waiting:
+        other = waiting.pop()
+        rivals = set(other.wrong) - set(best.wrong) - doubtful
+        if rivals:
+            out.update(dict.fromkeys(rivals, other))
+            doubtful |= rivals
+            further = solve(problem, doubtful, below, share)
+            if further.cost < below:
+                waiting.append(further)
+    return out
 
 
 def _with_margin(grounds: Grounds, best: Solution, other: Solution) -> Grounds:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
@@ -127,14 +128,16 @@ class _Search:
         return max(hits, key=lambda at: (hits[at] / self.problem.costs[at], -at))
 
 
-def solve(problem: Problem, right: int | None = None, below: float = math.inf, most_work: int = MOST_WORK) -> Solution:
+def solve(
+    problem: Problem, right: Collection[int] = (), below: float = math.inf, most_work: int = MOST_WORK
+) -> Solution:
     """The cheapest wrong claims, those of lower numbers among equals.
 
-    With ``right`` that claim is taken as right; only solutions cheaper than ``below`` are looked for, and the cost is
+    Those in ``right`` are taken as right; only solutions cheaper than ``below`` are looked for, and the cost is
     infinite where there is none.
     """
     search = _Search(problem, _counted(problem.broken), _counted(problem.closed), below)
-    search.run(0 if right is None else 1 << right, most_work)
+    search.run(sum(1 << at for at in set(right)), most_work)
     if not search.found:
         return Solution((), math.inf, search.exact)
     return Solution(tuple(_bits(search.best)), search.best_cost, search.exact)

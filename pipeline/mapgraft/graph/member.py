@@ -196,7 +196,7 @@ class Member:
         """What own observations speak against has a wrong merge in its chain: the weakest one is not this robot's."""
         doubted, self.standing.doubted = self.standing.doubted, []
         for merge, verdict in doubted:
-            if merge.chain is not None and merge.state != "reverted":
+            if merge.chain is not None and self.standing.attached.get(_donor_of(merge)) is merge:
                 self._disbelieve(merge, merge.chain, verdict, stamp_ns)
         return bool(doubted)
 
