@@ -103,8 +103,10 @@ class Measurement:
     """One value of one metric: NaN when there is too little to measure.
 
     ``support`` is how much it rests on (cells, beams, …) and ``better`` which way it should go; ``details`` holds
-    further named values (variants, parts, the same in another unit). ``findings`` are the single things that it found,
-    if that is what people want to see; of each standing merge the latest are written to a file and shown in viewers.
+    further named values (variants, parts, the same in another unit). A metric whose value is the probability that the
+    match is right tells ``log_odds`` (nats) among them: by that the engine knows it. ``findings`` are the single things
+    that it found, if that is what people want to see; of each standing merge the latest are written to a file and shown
+    in viewers.
     """
 
     name: str
@@ -182,7 +184,8 @@ class Verdict:
     ``evidence`` goes into the event. By convention ``<name>.revert_at`` and ``<name>.confirm_at`` are the limits of
     ``<name>``, which is another entry of the evidence, a metric, or ``<metric>.<detail>``: at that value or beyond it
     the merge is reverted or confirmed, as far as this number has a say. A number that has a limit to each side tells
-    the two as ``<name>.revert_at.min`` and ``<name>.revert_at.max``.
+    the two as ``<name>.revert_at.min`` and ``<name>.revert_at.max``. ``log_odds_wrong`` are the log-odds (nats) that
+    the merge is wrong: where a verifier tells them, they are what other robots hear of how sure this one is.
     """
 
     action: Literal["keep", "confirm", "revert"]
