@@ -5,15 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import around
 import numpy as np
+import pyarrow.compute as pc
+import pyarrow.dataset as ds
 import pytest
 
+import mapgraft
 from mapgraft.assembly import Assembly, assemble
 from mapgraft.config import parse_config
 from mapgraft.contracts import Meeting
 from mapgraft.decision import build_table
 from mapgraft.outputs.null_sink import NullSink
-from mapgraft.plugins import load_plugins
+from mapgraft.outputs.read_back import read_events
+from mapgraft.plugins import Origin, load_plugin, load_plugins
 from mapgraft.recording.mission import open_mission
 from mapgraft.robot import Robot
 
@@ -32,6 +37,37 @@ def met(shared_data) -> Iterator[Assembly]:
             assembly.robots[observation.robot].observe(observation)
     assembly.exchange.hold(Meeting(observation.stamp_ns, AROUND))
     yield assembly
+
+
+@pytest.fixture(scope="module")
+def written(shared_data, tmp_path_factory) -> mapgraft.Result:
+    """A whole run in which only neighbours in a row meet."""
+    plugins = load_plugins()
+    load_plugin(plugins, around, Origin("around", "around", "1.0"))
+    bags = [shared_data / "bags/three_robots_sim" / f"robot{n}.bag" for n in (1, 2, 3)]
+    exchange = {"use": "neighbours", "row": ["robot1", "robot2", "robot3"], "through": "provisional"}
+    out = tmp_path_factory.mktemp("row") / "out"
+    return mapgraft.run(bags, {"exchange": exchange}, out, plugins=plugins, verify_ledger=True)
+
+
+def test_what_is_attached_is_written_and_shown(written):
+    attached = {(event.receiver, event.donor): event for event in written.attached.values()}
+    assert set(attached) == {("robot1", "robot3"), ("robot3", "robot1")}
+    assert all(len(event.through) == 2 for event in attached.values())
+    assert {(event.receiver, event.donor) for event in written.standing.values()} == set(AROUND)
+    (recording,) = written.folder.glob("*.merge.mcap")
+    assert [event.through for event in read_events(recording)] == [event.through for event in written.events]
+    table = ds.dataset(written.folder / "events", partitioning="hive").to_table()
+    told = table.filter(pc.equal(table["kind"].cast("string"), "attached"))
+    assert told["through"].to_pylist()[0] == list(next(e.through for e in written.events if e.kind == "attached"))
+    page = (written.folder / "report.html").read_text(encoding="utf-8")
+    assert f"robot3 (by {', '.join(attached['robot1', 'robot3'].through)})" in page
+    assert all(finding.sound for finding in written.ledgers)
+
+
+def test_what_is_attached_connects_nothing_by_itself(written):
+    chains = {(row["target"], row["source"]): row for row in written.transforms_table.to_pylist()}
+    assert chains["robot1", "robot3"]["merges"] == ["robot1.robot2.1", "robot2.robot3.1"]
 
 
 def fused(robot: Robot) -> tuple[bytes, tuple[float, ...]]:
