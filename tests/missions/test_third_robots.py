@@ -104,6 +104,16 @@ def test_both_ways_round_say_the_same(met):
     assert np.allclose((T_1_3 @ T_3_1).matrix, np.eye(4), atol=1e-3)
 
 
+def test_attached_again_it_is_the_same_to_the_bit(met):
+    first = met.robots["robot1"]
+    before = fused(first)
+    (source,) = first.standing.attached
+    first.graph.attachments.detach(source, "for a while", 1)
+    assert fused(first) != before
+    first.heard(2)
+    assert fused(first) == before
+
+
 def test_a_revert_far_away_leaves_no_trace(met):
     """The last one: it takes the merges apart."""
     first = met.robots["robot1"]

@@ -100,7 +100,7 @@ class Member:
         self.attachments.detach(donor, "it is merged at first hand now", stamp_ns)
 
     def _state(self) -> tuple[object, ...]:
-        standing = tuple(sorted((donor, merge.merge_id) for donor, merge in self.standing.by_donor.items()))
+        standing = tuple(sorted(merge.merge_id for merge in self.standing.all))
         own = self.standing.reversal.version
         return self.claims.version, self.layers.changes, len(self.disbelieved), own, standing
 
