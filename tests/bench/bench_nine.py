@@ -6,7 +6,7 @@ The log is cut into nine robots with maps and frames of their own. When all have
 pair that would be merged is put somewhere else, 3 to 9 m off. No robot maps on, so nothing but the consistency of the
 merges can tell; the merges' own probabilities are kept from it, too. What stands then is held against the log's poses,
 the wrong merges that are left are taken out by hand, and every map is compared, byte for byte, with that of a second
-meeting at which the same pairs were not merged at all. With ``--keep`` only a share of the pairs meets, so that merges
+meeting at which the same pairs were not merged at all. With ``--keep`` only a share of the pairs merges, so that merges
 lie in fewer loops. With ``--along`` the robots map all at once and meet every minute, so that new cells speak, too, and
 lies are told again and again.
 """
@@ -20,7 +20,6 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +42,7 @@ from mapgraft.robot import Robot
 
 LOG = Path(__file__).parents[3] / "shared/data/carmen/intel-corrected.log.gz"
 START_S, END_S = 0.0, 2700.0
+METRICS = ["posterior", "paths"]
 RIGHT_M, RIGHT_RAD = 0.5, math.radians(5.0)
 
 
@@ -52,7 +52,6 @@ class Met:
 
     assembly: Assembly
     truth: Mapping[str, Transform]
-    pairs: tuple[tuple[str, str], ...]
     stamp_ns: int
     elapsed_s: float
 
@@ -65,7 +64,7 @@ class Met:
         return shift_m <= RIGHT_M and turn_rad <= RIGHT_RAD
 
 
-def config_of(count: int, every: int, refuse: bool) -> dict[str, Any]:
+def config_of(count: int, every: int, keep: float, refuse: bool) -> dict[str, Any]:
     """Windows of equal length, and one rule whose acceptor lies."""
     cuts = np.linspace(START_S, END_S, count + 1).tolist()
     robots = {
@@ -80,7 +79,7 @@ def config_of(count: int, every: int, refuse: bool) -> dict[str, Any]:
         "name": "sabotaged grids",
         "when": {"own.type": "occupancy_grid", "other.type": "occupancy_grid"},
         "match": {"use": "planting"},
-        "accept": {"use": "sabotage", "every": every, "refuse": refuse, "metrics": ["posterior", "paths"]},
+        "accept": {"use": "sabotage", "every": every, "keep": keep, "refuse": refuse, "metrics": METRICS},
         "fuse": {"use": "log_odds", "quality": "windowed"},
         "verify": {"use": "sequential", "metrics": ["news"], "every": 10, "prior_max": 0, "revert_below": 0},
         "candidates": 3,
@@ -93,7 +92,7 @@ def meet(count: int, every: int, keep: float, refuse: bool) -> Met:
     """Map everybody's part of the log, and hold one meeting."""
     plugins = load_plugins()
     load_plugin(plugins, saboteur, Origin("saboteur", "saboteur", "1.0"))
-    config = parse_config(config_of(count, every, refuse))
+    config = parse_config(config_of(count, every, keep, refuse))
     with open_mission([LOG], config, plugins=plugins) as mission:
         assembly = assemble(mission, config, plugins, build_table(plugins, config.rules), NullSink())
         stamp_ns = 0
@@ -101,20 +100,18 @@ def meet(count: int, every: int, keep: float, refuse: bool) -> Met:
             assembly.robots[observation.robot].observe(observation)
             stamp_ns = max(stamp_ns, observation.stamp_ns)
         truth = dict(mission.T_world_map)
-    rng = np.random.default_rng(1)
-    pairs = tuple(pair for pair in permutations(sorted(assembly.robots), 2) if rng.random() < keep)
     for robot in assembly.robots.values():
         robot.graph.through = "provisional"
     start = time.process_time()
-    assembly.exchange.hold(Meeting(stamp_ns, pairs))
-    return Met(assembly, truth, pairs, stamp_ns, time.process_time() - start)
+    assembly.exchange.hold(Meeting(stamp_ns))
+    return Met(assembly, truth, stamp_ns, time.process_time() - start)
 
 
-def along(count: int, every: int) -> bool:
+def along(count: int, every: int, keep: float) -> bool:
     """Lies while everybody maps; True when none is left that was found out by nobody and yet confirmed."""
     plugins = load_plugins()
     load_plugin(plugins, saboteur, Origin("saboteur", "saboteur", "1.0"))
-    config = parse_config(config_of(count, every, refuse=False) | {"exchange": {"use": "every", "seconds": 60}})
+    config = parse_config(config_of(count, every, keep, refuse=False) | {"exchange": {"use": "every", "seconds": 60}})
     with open_mission([LOG], config, plugins=plugins) as mission:
         truth = dict(mission.T_world_map)
     events = mapgraft.run([LOG], config, plugins=plugins).events
@@ -166,7 +163,7 @@ def take_out_by_hand(met: Met) -> int:
             if not met.is_right(name, merge.donor, merge.comparison.T_receiver_donor):
                 robot.standing.revert(merge, met.stamp_ns, "by hand", "person")
                 taken += 1
-    met.assembly.exchange.hold(Meeting(met.stamp_ns + 1, met.pairs))
+    met.assembly.exchange.hold(Meeting(met.stamp_ns + 1))
     return taken
 
 
@@ -194,7 +191,7 @@ def report(met: Met, clean: Met) -> bool:
     ]
     print(f"  at a wrong place                   {len(wrongly)} {', '.join(wrongly)}")
     taken = take_out_by_hand(met)
-    clean.assembly.exchange.hold(Meeting(met.stamp_ns + 1, met.pairs))
+    clean.assembly.exchange.hold(Meeting(met.stamp_ns + 1))
     same = [fused_bytes(met.robots[name]) == fused_bytes(clean.robots[name]) for name in sorted(met.robots)]
     print(f"taken out by hand                    {taken}")
     print(f"maps then equal, bit for bit         {sum(same)} of {len(same)}")
@@ -213,7 +210,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"needs {LOG}")
         return 1
     if told.along:
-        return 0 if along(told.robots, told.every) else 1
+        return 0 if along(told.robots, told.every, told.keep) else 1
     sabotaged, clean = (meet(told.robots, told.every, told.keep, refuse) for refuse in (False, True))
     return 0 if report(sabotaged, clean) else 1
 

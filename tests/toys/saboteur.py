@@ -34,10 +34,14 @@ class Planting:
 
 
 class Sabotage:
-    """Accepts as ``posterior`` does, but every ``every``-th time the lie; with ``refuse`` nothing in its place."""
+    """Accepts a share ``keep`` of what ``posterior`` does, but every ``every``-th time the lie.
 
-    def __init__(self, *, every: int = 3, refuse: bool = False) -> None:
-        self.every, self.refuse, self.accepted = every, refuse, 0
+    With ``refuse`` it accepts nothing in the place of a lie.
+    """
+
+    def __init__(self, *, every: int = 3, keep: float = 1.0, refuse: bool = False) -> None:
+        self.every, self.keep, self.refuse, self.accepted = every, keep, refuse, 0
+        self.rng = np.random.default_rng(1)
         self.honest = Posterior(metrics={"posterior": {}, "paths": {"max": 4}})
 
     def accept(self, candidates: Sequence[Candidate]) -> Decision:
@@ -45,6 +49,8 @@ class Sabotage:
         decision = self.honest.accept([one for one in candidates if LIE not in one.match.evidence])
         if decision.verdict != "provisional" or not lies:
             return decision
+        if self.rng.random() >= self.keep:
+            return Decision("unmatched", None, "one merge less")
         self.accepted += 1
         if self.accepted % self.every:
             return decision
