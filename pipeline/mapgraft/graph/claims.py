@@ -269,9 +269,13 @@ def _check(claim: Claim) -> None:
         raise ValueError(f"{claim.receiver} cannot merge {claim.donor}")
     if not 1.0 / _MOST_SCALE <= claim.scale <= _MOST_SCALE:
         raise ValueError(f"its scale is {claim.scale:g}")
-    if claim.covariance is not None:
-        if not np.isfinite(claim.covariance).all():
-            raise ValueError("its covariance is not finite")
-        eigenvalues = np.linalg.eigvalsh(claim.covariance)
-        if eigenvalues[0] < _NOT_NEGATIVE * max(eigenvalues[-1], 1e-12):
-            raise ValueError("its covariance has a negative eigenvalue")
+    if claim.covariance is not None and not is_covariance(claim.covariance):
+        raise ValueError("its covariance is none: it is not finite, or has a negative eigenvalue")
+
+
+def is_covariance(matrix: Covariance) -> bool:
+    """Whether a symmetric (6, 6) matrix is finite and without negative eigenvalues, but for rounding."""
+    if not np.isfinite(matrix).all():
+        return False
+    eigenvalues = np.linalg.eigvalsh(matrix)
+    return bool(eigenvalues[0] >= _NOT_NEGATIVE * max(eigenvalues[-1], 1e-12))

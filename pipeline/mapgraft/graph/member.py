@@ -10,7 +10,7 @@ from mapgraft.contracts import Verdict
 from mapgraft.decision import DecisionTable
 from mapgraft.graph.attached import Attachments
 from mapgraft.graph.chains import Chain, best_chains
-from mapgraft.graph.claims import Claim, Claims, Edge, Source, State
+from mapgraft.graph.claims import Claim, Claims, Edge, Source, State, is_covariance
 from mapgraft.graph.consistency import Explanation, Grounds, Settings, explain
 from mapgraft.graph.held import HeldLayers
 from mapgraft.merge import Merge
@@ -224,7 +224,8 @@ def _claim(me: Source, donor: Source, merge: Merge, epoch: int, revision: int, s
     state: State = "confirmed" if merge.state == "confirmed" else "provisional"
     T, match = merge.comparison.T_receiver_donor, merge.match
     by = "person" if merge.decided_by_person else merge.tools.procedure.verify.use
-    where = (T, match.scale, match.covariance)
+    known = match.covariance is not None and is_covariance((match.covariance + match.covariance.T) / 2.0)
+    where = (T, match.scale, match.covariance if known else None)
     return Claim(me, donor, epoch, state, revision, *where, support=merge.support, stamp_ns=stamp_ns, by=by)
 
 

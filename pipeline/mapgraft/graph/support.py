@@ -26,7 +26,7 @@ def support_of(history: Sequence[Sample], verdict: Verdict | None, confirmed: bo
     if by_person:
         return MOST_SUPPORT
     told = None if verdict is None else verdict.evidence.get(LOG_ODDS_WRONG)
-    if told is not None:
+    if told is not None and math.isfinite(told):
         return max(-MOST_SUPPORT, min(MOST_SUPPORT, -told))
     first = history[0].measurements.values() if history else ()
     found = [m.details[LOG_ODDS] for m in first if _is_probability(m)]
@@ -53,4 +53,4 @@ def _believed(measurements: Mapping[str, Measurement], support: float) -> dict[s
 
 
 def _is_probability(m: Measurement) -> bool:
-    return m.sufficient and LOG_ODDS in m.details
+    return m.sufficient and math.isfinite(m.details.get(LOG_ODDS, math.nan))
