@@ -22,6 +22,7 @@ from mapgraft.contracts import Observation
 from mapgraft.decision import DecisionTable, build_table
 from mapgraft.errors import PluginError, RecordingError, UsageError
 from mapgraft.events import Event, Sink, Snapshot
+from mapgraft.network.radio import Traffic
 from mapgraft.outputs.provenance import InputFile, RunProvenance, run_id_of
 from mapgraft.plugins import Plugins, load_plugins
 from mapgraft.remember import MISSION_FILE, essence_text, inputs_of, remembered_text
@@ -41,10 +42,10 @@ class Result:
     """What came of a run.
 
     ``maps`` holds every robot's last snapshot: ``maps["alpha"].fused.dense()`` for a grid. ``traffic`` counts bytes per
-    (donor, receiver). ``start_ns`` is the mission's first stamp. ``lost`` says in sentences what of the files could
-    not be read and which observations could not be used, and why; ``remarks`` what was noticed about the robots'
-    sources, such as a map file that is probably not meant as it says. ``ledgers`` holds what ``verify_ledger`` found
-    out, one finding per robot.
+    (sender, receiver), ``kinds`` per (receiver, kind of message). ``start_ns`` is the mission's first stamp. ``lost``
+    says in sentences what of the files could not be read and which observations could not be used, and why;
+    ``remarks`` what was noticed about the robots' sources, such as a map file that is probably not meant as it says.
+    ``ledgers`` holds what ``verify_ledger`` found out, one finding per robot.
     """
 
     run_id: str
@@ -57,6 +58,7 @@ class Result:
     lost: Sequence[str] = ()
     remarks: Sequence[str] = ()
     ledgers: Sequence[Finding] = ()
+    kinds: Mapping[tuple[str, str], int] = field(default_factory=dict)
 
     @property
     def events_table(self) -> pa.Table:
@@ -161,7 +163,7 @@ def run(
         remarks = tuple(_remarks(mission, assembly))
         ledgers = _audited(mission, assembly, checked, plugins) if verify_ledger else []
         if folder is not None:
-            _tell_costs(folder, watch, assembly.exchange.traffic.sent)
+            _tell_costs(folder, watch, assembly.exchange.traffic)
             folder.noticed((*remarks, *lost))
             folder.lost([asdict(loss) for loss in missing])
             folder.audited([asdict(finding) for finding in ledgers])
@@ -172,7 +174,8 @@ def run(
             events=assembly.history.events,
             maps=fan.last,
             observations=count,
-            traffic=dict(assembly.exchange.traffic.sent),
+            traffic=assembly.exchange.traffic.sent,
+            kinds=assembly.exchange.traffic.received,
             start_ns=mission.start_ns,
             lost=(*lost, *(folder.unshown if folder else ())),
             remarks=(*remarks, *(folder.unfinished if folder else ())),
@@ -241,7 +244,7 @@ def _replayed(mission: Mission, assembly: Assembly, sink: Sink, watch: Stopwatch
     return count
 
 
-def _tell_costs(folder: RunFolder, watch: Stopwatch, traffic: Mapping[tuple[str, str], int]) -> None:
+def _tell_costs(folder: RunFolder, watch: Stopwatch, traffic: Traffic) -> None:
     """What the run took and what passed between the robots, for its folder."""
     stages = {stage.name: stage for stage in watch.stages}
     for name in ("opening", "replaying", "reading", "observing", "exchanging"):

@@ -17,19 +17,20 @@ from mapgraft_grid.kernels.tile_keys import TILE, tile_key
 from mapgraft_grid.layer import GridLayer
 from mapgraft_grid.parameters import SensorModel, TraceLimits
 from mapgraft_grid.tiles import TileKeys
+from mapgraft_grid.traces import RayRows
 
 _HEAD: Final = b"h"
 _COUNTS, _BAKED, _RAYS, _POSES = b"c", b"b", b"r", b"p"
 _KEY: Final = struct.Struct(">q")  # big-endian: names sort as keys do
 _CELLS: Final = TILE * TILE
 _SIDE: Final = TILE * STEPS_PER_CELL
-_RAY: Final = 5  # numbers of one ray, 4 bytes each
+_RAY: Final = np.dtype([("end", "<u2", 2), ("origin", "<i4", 2), ("hit", "u1")])
 _POSE: Final = 4  # numbers of one pose, 8 bytes each
 
 
 def cut(layer: GridLayer) -> dict[bytes, bytes]:
     """A layer as parts, little-endian: ``h`` what there is once; with the tile's key behind it ``c`` the counts, ``b``
-    what was baked in (int32), ``r`` the rays and ``p`` the poses, both column by column.
+    what was baked in (int32), ``r`` the rays one by one, and ``p`` the poses column by column.
 
     Counts are byte planes: the lowest bytes of all hits, of all misses, then the next ones, as many as it takes. So a
     part differs from what it was before in as many bytes as there are cells that were looked at.
@@ -41,7 +42,7 @@ def cut(layer: GridLayer) -> dict[bytes, bytes]:
     for key, tile in zip(content.baked_keys.tolist(), content.baked, strict=True):
         told[_BAKED + _KEY.pack(key)] = tile.astype("<i4").tobytes()
     for key, rays in _by_tile(content.ray_keys, content.rays):
-        told[_RAYS + _KEY.pack(key)] = rays.T.astype("<i4").tobytes()
+        told[_RAYS + _KEY.pack(key)] = _ray_bytes(rays)
     for key, poses in _by_tile(_tiles_of(content.poses), content.poses):
         told[_POSES + _KEY.pack(key)] = poses.T.astype("<i8").tobytes()
     return told
@@ -96,7 +97,7 @@ def _content(parts: Mapping[bytes, bytes]) -> Content:
             named[name[:1]].append((*_KEY.unpack(name[1:]), parts[name]))
     counts = np.array([_counts(data) for _, data in named[_COUNTS]], np.uint32).reshape(-1, 2, TILE, TILE)
     baked = b"".join(data for _, data in named[_BAKED])
-    rays = [_rows(data, "<i4", _RAY) for _, data in named[_RAYS]]
+    rays = [_ray_rows(data) for _, data in named[_RAYS]]
     poses = np.concatenate([_rows(data, "<i8", _POSE) for _, data in named[_POSES]] or [np.empty((0, _POSE), "<i8")])
     return Content(
         parts[_HEAD],
@@ -106,13 +107,25 @@ def _content(parts: Mapping[bytes, bytes]) -> Content:
         _keys(named[_BAKED]),
         np.frombuffer(baked, "<i4").astype(np.int32).reshape(-1, TILE, TILE),
         np.repeat(_keys(named[_RAYS]), [len(rows) for rows in rays]),
-        np.concatenate([*rays, np.empty((0, _RAY), "<i4")]).astype(np.int32),
+        np.concatenate([*rays, np.empty((0, 5), np.int32)]),
         poses[np.lexsort(poses.T[::-1])].astype(np.int64),
     )
 
 
 def _keys(named: Sequence[tuple[int, bytes]]) -> TileKeys:
     return np.array([key for key, _ in named], np.int64)
+
+
+def _ray_bytes(rays: NDArray[np.integer]) -> bytes:
+    """Rays (n, 5) of one tile, each by itself: one that is new leaves the others as they were."""
+    out = np.empty(len(rays), _RAY)
+    out["end"], out["origin"], out["hit"] = rays[:, :2], rays[:, 2:4], rays[:, 4]
+    return out.tobytes()
+
+
+def _ray_rows(data: bytes) -> RayRows:
+    told = np.frombuffer(data, _RAY)
+    return np.column_stack((told["end"], told["origin"], told["hit"])).astype(np.int32)
 
 
 def _rows(data: bytes, dtype: str, columns: int) -> NDArray[np.int64]:

@@ -15,7 +15,7 @@ from typing import Any
 
 VERSION = "1.0.0"
 EXPERIMENTS = ("experiment_merges", "experiment_evidence", "experiment_verdicts", "experiment_times")
-TABLES = ("events", "metrics", "maps", "labels", "recordings", "timings", "transforms", *EXPERIMENTS)
+TABLES = ("events", "metrics", "maps", "labels", "recordings", "timings", "traffic", "transforms", *EXPERIMENTS)
 
 
 @dataclass(frozen=True, slots=True)

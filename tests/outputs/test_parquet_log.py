@@ -161,6 +161,14 @@ def test_matrices_are_never_null_because_older_readers_refuse_that(out: Path) ->
         assert name not in ("events", "labels") or matrices
 
 
+def test_traffic(out: Path) -> None:
+    told = pq.read_table(part(out, "traffic"), partitioning=None).to_pylist()
+    assert told == [
+        {"sender": "alpha", "receiver": "beta@2", "kind": "hello", "size_bytes": 120},
+        {"sender": "alpha", "receiver": "beta@2", "kind": "layer", "size_bytes": 4000},
+    ]
+
+
 def test_recordings_and_timings(out: Path) -> None:
     rows = pq.read_table(part(out, "recordings"), partitioning=None).to_pylist()
     assert [(row["path"], row["size_bytes"]) for row in rows] == [("a.mcap", 1234), ("b.bag", 99)]

@@ -95,6 +95,10 @@ def test_every_byte_between_two_robots_is_in_the_summary(here: tuple[Path, mapgr
     summary = json.loads((folder / "out/summary.json").read_text())
     told = {(entry["donor"], entry["receiver"]): entry["bytes"] for entry in summary["bytes"]}
     assert told == dict(result.traffic) and len(told) == 6
+    kinds = {(entry["receiver"], entry["kind"]): entry["bytes"] for entry in summary["bytes_by_kind"]}
+    assert kinds == dict(result.kinds) and sum(kinds.values()) == sum(told.values())
+    sent = rows(folder / "out", "traffic")
+    assert sent["size_bytes"].sum() == sum(told.values()) and {"hello", "layer"} <= set(sent["kind"])
     for (donor, receiver), size in told.items():
         received = [e.bytes_received for e in result.events if (e.donor, e.receiver) == (donor, receiver)]
         verified = [e.bytes_received for e in result.events if e.kind == "verified"]

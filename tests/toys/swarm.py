@@ -69,6 +69,7 @@ class Robot:
     address: str
     source: Source
     previews: bool = True
+    picky: bool = False  # merges nobody by itself
     claims: Claims = field(default_factory=Claims)
     map_type: OccupancyGrid = field(default_factory=grid)
     version: int = 0
@@ -134,6 +135,8 @@ class Robot:
     def wants(self, offer: bytes, size: int, stamp_ns: int) -> Wish:
         provenance = Offer.decode(offer).provenance
         claim = self.claims.of(self.source, Source(provenance.source, provenance.epoch))
+        if claim is None and self.picky:
+            return "nothing"
         if claim is None:
             return "preview" if self.previews else "layer"
         return "layer" if claim.is_active else "nothing"

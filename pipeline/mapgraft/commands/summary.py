@@ -24,6 +24,8 @@ def print_summary(result: Result) -> None:
     for events in merges:
         _print_merge(console, events, result.start_ns)
     console.print(_robot_table(result))
+    if result.kinds:
+        console.print(cell(f"Sent between robots: {_kinds(result)}."))
     standing = len(result.standing)
     if not standing:
         console.print(cell(f"No merge stands at the end. {_why_not(result.events)}"))
@@ -65,7 +67,19 @@ def as_json_summary(result: Result) -> dict[str, Any]:
             {"donor": donor, "receiver": receiver, "bytes": size}
             for (donor, receiver), size in sorted(result.traffic.items())
         ],
+        "bytes_by_kind": [
+            {"receiver": receiver, "kind": kind, "bytes": size}
+            for (receiver, kind), size in sorted(result.kinds.items())
+        ],
     }
+
+
+def _kinds(result: Result) -> str:
+    """How much there was of each kind of message, most first."""
+    sums = Counter[str]()
+    for (_, kind), size in result.kinds.items():
+        sums[kind] += size
+    return ", ".join(f"{size / 1000:,.1f} kB {kind}" for kind, size in sums.most_common())
 
 
 _ROUTINE = ("verified", "updated", "disputed")

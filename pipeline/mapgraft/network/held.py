@@ -9,8 +9,8 @@ from typing import Final, Literal, NamedTuple
 
 from mapgraft.contracts import MapError
 from mapgraft.exchange import Form
-from mapgraft.network.packing import difference, pack, restored, unpack
-from mapgraft.network.wire import DIGEST, MOST_BYTES, MOST_NAME, PIECE, Head, Piece, digest_of
+from mapgraft.network.packing import SMALL, difference, pack, restored, unpack
+from mapgraft.network.wire import BASE, DIGEST, MOST_BYTES, MOST_NAME, PIECE, Head, Piece, digest_of
 
 MOST_PARTS: Final = 1 << 17  # of one source, those that are gone included
 MOST_HELD_BYTES: Final = 1 << 30  # of one source, compressed
@@ -79,7 +79,7 @@ class Held:
                 self._put(name, Part(version, _GONE_DIGEST, None))
         for name, (data, told) in fresh.items():
             known = self.parts.get(name)
-            if known is None or known.digest != told:
+            if known is None or known.packed is None or known.digest != told:
                 self._put(name, Part(version, told, pack(data)))
         self.head = Head(writer, offer, version, form, digest)
         self._complete(self.head)
@@ -164,7 +164,7 @@ class Held:
     def _having(self, name: bytes, digest: bytes) -> Part | None:
         for parts in (self.whole_parts, self.parts):
             part = parts.get(name)
-            if part is not None and part.packed is not None and part.digest == digest:
+            if part is not None and part.packed is not None and part.digest[:BASE] == digest:
                 return part
         return None
 
@@ -217,13 +217,18 @@ def raw(parts: Mapping[bytes, Part]) -> dict[bytes, bytes]:
 
 
 def _shortest(name: bytes, part: Part, base: Part | None) -> Piece:
-    assert part.packed is not None
-    told = [Piece(name, part.version, "whole", b"", part.packed)]
+    """Chosen by what packs best quickly, and then packed well."""
+    now = part.raw()
     if base is not None:
-        now, before = part.raw(), base.raw()
-        told.append(Piece(name, part.version, "difference", base.digest, pack(difference(now, before))))
-        told.append(Piece(name, part.version, "against", base.digest, pack(now, before)))
-    return min(told, key=lambda piece: len(piece.packed) + len(piece.base))
+        before = base.raw()
+        by = difference(now, before)
+        quickly = {"difference": len(pack(by)) + BASE, "against": len(pack(now, before)) + BASE}
+        change = min(quickly, key=lambda one: quickly[one])
+        if quickly[change] < len(part.packed or b""):
+            if change == "difference":
+                return Piece(name, part.version, "difference", base.digest[:BASE], pack(by, level=SMALL))
+            return Piece(name, part.version, "against", base.digest[:BASE], pack(now, before, level=SMALL))
+    return Piece(name, part.version, "whole", b"", pack(now, level=SMALL))
 
 
 def _term(name: bytes, digest: bytes) -> int:

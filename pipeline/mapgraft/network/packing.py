@@ -9,7 +9,8 @@ import zstandard
 
 from mapgraft.graph.claims import MOST_NAME_BYTES, Source
 
-_LEVEL: Final = 3
+QUICK: Final = 3  # levels of zstd: what is kept, and what is sent
+SMALL: Final = 15
 _TYPICAL: Final = zstandard.ZstdCompressionDict(
     b'{"metadata":{"bounds_m":[-12.350000000000001,-8.1,14.600000000000001,9.9],"can_send":["counts","rays","path"],'
     b'"extra":{},"known_area_m2":153.2675,"mapper":"scans","observations":312,"quality":0.9123456789012345,'
@@ -90,10 +91,10 @@ class Reader:
             raise ValueError(f"{len(self._data) - self._at} bytes follow its end")
 
 
-def pack(data: bytes, against: bytes = b"") -> bytes:
+def pack(data: bytes, against: bytes = b"", level: int = QUICK) -> bytes:
     """The bytes, compressed; ``against`` is what the one who unpacks them has anyway."""
     known = zstandard.ZstdCompressionDict(against, dict_type=zstandard.DICT_TYPE_RAWCONTENT) if against else None
-    return zstandard.ZstdCompressor(level=_LEVEL, dict_data=known, write_content_size=True).compress(data)
+    return zstandard.ZstdCompressor(level=level, dict_data=known, write_content_size=True).compress(data)
 
 
 def unpack(data: bytes, most: int, against: bytes = b"") -> bytes:

@@ -25,6 +25,7 @@ PIECE: Final = 1 << 14  # bytes of a part, unpacked; a longer part travels in se
 MOST_NAME: Final = 72  # bytes of a part's name with its place
 WRITER: Final = 8
 DIGEST: Final = 16
+BASE: Final = 4  # bytes of the digest that tell a base; what comes of a wrong one is noticed when all is there
 _CHECK: Final = 8
 
 Aspect = Literal["layer", "preview"]
@@ -61,7 +62,7 @@ class Head:
 class Piece:
     """One part that has changed, or is gone: since which version it is so, how it is told, and by what bytes.
 
-    ``base`` is the digest of what the receiver is thought to have of it (``difference``, ``against``).
+    ``base`` is the beginning of the digest of what the receiver is thought to have of it (``difference``, ``against``).
     """
 
     name: bytes
@@ -272,12 +273,21 @@ def _write_parts(writer: Writer, parts: Parts) -> None:
     head = parts.head
     writer.raw(head.writer).text(pack_offer(head.offer)).number(head.version).number(_FORMS.index(head.form))
     writer.raw(head.digest).number(len(parts.pieces))
+    before = b""
     for piece in parts.pieces:
-        writer.text(piece.name).number(piece.version).number(_CHANGES.index(piece.change))
+        common = _common(before, piece.name)
+        writer.number(common).text(piece.name[common:]).number(piece.version).number(_CHANGES.index(piece.change))
         if piece.change in ("difference", "against"):
             writer.raw(piece.base)
         if piece.change != "gone":
             writer.text(piece.packed)
+        before = piece.name
+
+
+def _common(one: bytes, other: bytes) -> int:
+    """How many first bytes two names have in common."""
+    both = min(len(one), len(other))
+    return next((at for at in range(both) if one[at] != other[at]), both)
 
 
 def _read_parts(reader: Reader) -> Parts:
@@ -289,14 +299,18 @@ def _read_parts(reader: Reader) -> Parts:
         return Parts(copy, since, None, number, count, (), reason)
     writer, offer, version = reader.raw(WRITER), unpack_offer(reader.text(MOST_OFFER), MOST_OFFER), reader.number()
     head = Head(writer, offer, version, _FORMS[reader.number(len(_FORMS) - 1)], reader.raw(DIGEST))
-    pieces = tuple(_read_piece(reader) for _ in range(reader.number(MOST_LISTED)))
-    return Parts(copy, since, head, number, count, pieces, reason)
+    pieces: list[Piece] = []
+    for _ in range(reader.number(MOST_LISTED)):
+        pieces.append(_read_piece(reader, pieces[-1].name if pieces else b""))
+    return Parts(copy, since, head, number, count, tuple(pieces), reason)
 
 
-def _read_piece(reader: Reader) -> Piece:
-    name, version = reader.text(MOST_NAME), reader.number()
+def _read_piece(reader: Reader, before: bytes) -> Piece:
+    """One piece; of its name only what differs from the one before is told."""
+    common = reader.number(len(before))
+    name, version = before[:common] + reader.text(MOST_NAME - common), reader.number()
     change = _CHANGES[reader.number(len(_CHANGES) - 1)]
-    base = reader.raw(DIGEST) if change in ("difference", "against") else b""
+    base = reader.raw(BASE) if change in ("difference", "against") else b""
     return Piece(name, version, change, base, b"" if change == "gone" else reader.text(MOST_BYTES))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from uuid import uuid4
@@ -17,7 +17,7 @@ from mapgraft.outputs.staging import Staging, sha256_of, sync, writing
 from mapgraft.outputs.tables import Row, events_table, metrics_table, recordings_table, rows_table, snapshot_row
 from mapgraft_schemas import arrow_schema, table
 
-WRITTEN = ("events", "metrics", "maps", "recordings", "timings")  # anew by every run; labels are people's
+WRITTEN = ("events", "metrics", "maps", "recordings", "timings", "traffic")  # anew by every run; labels are people's
 UNTITLED = ".part-00000.parquet"  # a run's part before it is finished; readers of a data set skip names with a dot
 _BATCH = 1024  # events that wait to become Arrow
 _GROUP_ROWS = 65_536  # rows of one row group, at most
@@ -102,6 +102,7 @@ class ParquetLog:
         self._parts = {name: PartWriter(staging, name, run_id) for name in WRITTEN}
         self._events: list[Event] = []
         self._timings: list[Row] = []
+        self._traffic: list[Row] = []
         self._digests: set[str] = set()
         self._snapshots = 0
 
@@ -121,11 +122,17 @@ class ParquetLog:
         row = {"position": len(self._timings), "stage": stage, "elapsed_s": elapsed_s, "count": count}
         self._timings.append(row)
 
+    def carried(self, sent: Mapping[tuple[str, str, str], int]) -> None:
+        """What was sent, by sender, receiver and kind."""
+        names = ("sender", "receiver", "kind", "size_bytes")
+        self._traffic = [dict(zip(names, (*key, size), strict=True)) for key, size in sorted(sent.items())]
+
     def close(self, inputs: Sequence[InputFile]) -> None:
         """All parts are whole and on disk, under their partial names, when this returns."""
         self._convert()
         self._parts["recordings"].append(recordings_table(inputs))
         self._parts["timings"].append(rows_table("timings", self._timings))
+        self._parts["traffic"].append(rows_table("traffic", self._traffic))
         for part in self._parts.values():
             part.close()
 

@@ -13,6 +13,7 @@ from typing import Any, Self
 from mapgraft.contracts import Observation
 from mapgraft.errors import OutputError
 from mapgraft.events import Event, Snapshot
+from mapgraft.network.radio import Traffic
 from mapgraft.outputs.files import Tally, Trajectories, connected, json_bytes, map_files, transforms_csv
 from mapgraft.outputs.findings import FINDINGS, LatestFindings
 from mapgraft.outputs.lock import RUN, lock, require_kind
@@ -61,7 +62,7 @@ class RunFolder:
         self._standing, self._scene, self._tally = StandingMerges(), Scene(), Tally()
         self._found = LatestFindings()
         self._names = file_names()
-        self._traffic: dict[tuple[str, str], int] = {}
+        self._traffic = Traffic()
         self._lost: list[Mapping[str, str | int]] = []
         self._unshown: dict[str, str] = {}
         self._ledgers: list[dict[str, Any]] = []
@@ -144,9 +145,10 @@ class RunFolder:
         """What was found out about the ledgers, for the summary."""
         self._ledgers = findings
 
-    def carried(self, traffic: Mapping[tuple[str, str], int]) -> None:
-        """How many bytes went from each donor to each receiver, for the summary."""
-        self._traffic.update(traffic)
+    def carried(self, traffic: Traffic) -> None:
+        """How many bytes went from each robot to each other, for the summary and the table ``traffic``."""
+        self._traffic = traffic
+        self._parquet.carried(traffic.bytes)
 
     def lost(self, losses: Sequence[Mapping[str, str | int]]) -> None:
         """What of the recordings could not be used: goes into the summary and into the merge recording's metadata.
@@ -271,7 +273,11 @@ class RunFolder:
             **self._tally.summary(),
             "bytes": [
                 {"donor": donor, "receiver": receiver, "bytes": size}
-                for (donor, receiver), size in sorted(self._traffic.items())
+                for (donor, receiver), size in self._traffic.sent.items()
+            ],
+            "bytes_by_kind": [
+                {"receiver": receiver, "kind": kind, "bytes": size}
+                for (receiver, kind), size in self._traffic.received.items()
             ],
             **({"ledgers": self._ledgers} if self._ledgers else {}),
             **({"unshown": self.unshown} if self.unshown else {}),
