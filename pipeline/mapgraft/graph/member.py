@@ -42,6 +42,7 @@ class Member:
     disbelieved: dict[tuple[Edge, int], str] = field(default_factory=dict)
     attachments: Attachments = field(init=False)
     _disputed: dict[Edge, int] = field(default_factory=dict)
+    _explained: tuple[int, Explanation] = (-1, Explanation())
     _known: tuple[object, ...] = ()
 
     def __post_init__(self) -> None:
@@ -85,8 +86,14 @@ class Member:
         """The sources whose layers the robot can attach or would pass on, with the version it holds, -1 for none."""
         if not self.standing.reversal.exact:
             return {}
-        chains = self._wanted(explain(self.claims.active(), self.settings))
+        chains = self._wanted(self.explanation())
         return {source: self.version(source) for source in chains}
+
+    def explanation(self) -> Explanation:
+        """What the loops of all claims tell that are known now."""
+        if self._explained[0] != self.claims.version:
+            self._explained = (self.claims.version, explain(self.claims.active(), self.settings))
+        return self._explained[1]
 
     def version(self, source: Source) -> int:
         """How new the layer is that the robot has of a source, its own among them; -1 where it has none."""
@@ -107,8 +114,7 @@ class Member:
     def _settled(self, stamp_ns: int) -> Explanation:
         """Revert what cannot stand, as far as it is this robot's affair, until nothing more follows."""
         while True:
-            explanation = explain(self.claims.active(), self.settings)
-            before = self.claims.version
+            explanation, before = self.explanation(), self.claims.version
             for claim in [one for one in self.claims if not one.is_active and one.receiver == self.me]:
                 self._obey(claim, stamp_ns)
             for grounds in explanation.wrong.values():

@@ -45,7 +45,7 @@ def as_believed(history: Iterable[Sample], support: float) -> list[Sample]:
 
 
 def _believed(measurements: Mapping[str, Measurement], support: float) -> dict[str, Measurement]:
-    probability = 1.0 / (1.0 + math.exp(-support))
+    probability = 1.0 / (1.0 + math.exp(min(-support, 700.0)))
     return {
         name: replace(m, value=probability, details={**m.details, LOG_ODDS: support}) if _is_probability(m) else m
         for name, m in measurements.items()
