@@ -56,7 +56,7 @@ def hear() -> Hear:
 def play(plugins, hear):
     """Replays tuples (second, robot, places…) and gives back the memory and the robots."""
 
-    def run(*observations, meet=(), reversal="ledger", hand=None, rules=None, spacing_m=1.0, through="confirmed"):
+    def run(*observations, meet=(), reversal="ledger", hand=None, rules=None, spacing_m=1.0, through="confirmed", **how):
         memory = MemorySink()
         history, workshop, table = History(memory), Workshop(plugins), build_table(plugins, rules)
         robots = {}
@@ -66,7 +66,7 @@ def play(plugins, hear):
             journal = Journal(history, name, map_type, kept)
             robots[name] = Robot(name, map_type, kept, table, workshop, hand or Hand(), journal, through=through)
         stream = [hear(robot, *at, stamp_ns=second * SECOND) for second, robot, *at in observations]
-        exchange = Exchange(At(*meet), robots)
+        exchange = Exchange(At(*meet), robots, **how)
         assert replay(stream, robots, exchange, memory) == len(stream)
         return memory, robots, exchange
 
