@@ -56,7 +56,9 @@ def hear() -> Hear:
 def play(plugins, hear):
     """Replays tuples (second, robot, places…) and gives back the memory and the robots."""
 
-    def run(*observations, meet=(), reversal="ledger", hand=None, rules=None, spacing_m=1.0, through="confirmed", **how):
+    def run(
+        *observations, meet=(), reversal="ledger", hand=None, rules=None, spacing_m=1.0, through="confirmed", **how
+    ):
         memory = MemorySink()
         history, workshop, table = History(memory), Workshop(plugins), build_table(plugins, rules)
         robots = {}
