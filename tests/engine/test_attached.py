@@ -306,3 +306,55 @@ def test_a_robot_without_the_merge_has_the_same_bytes(apart):
         robots["alpha"].heard(2)
         maps.append((robots["alpha"].own.encoded_layer(), dict(robots["alpha"].reversal.fused().counts)))
     assert maps[0] == maps[1]
+
+
+TOLD = [claim(B, A), claim(A, D), claim(B, C), claim(D, C), claim(C, D), claim(D, B)]
+CHANGED = [
+    Claim(*one.edge, one.epoch, state, 1, one.T_receiver_donor, support=one.support)
+    for one in TOLD
+    for state in ("provisional", "reverted")
+]
+ACTION = st.one_of(
+    st.sampled_from([*TOLD, *CHANGED]),
+    st.sampled_from(["bravo", "charlie", "delta", "observe", "heard", "merge", "revert"]),
+)
+
+
+def reachable(robot) -> set[str]:
+    """By walking over all claims that the robot believes; those about its own merges follow from what stands."""
+    known = [one for one in robot.claims if one.is_active and (one.receiver == A or one.state == "confirmed")]
+    found, before = {A}, 0
+    while len(found) > before:
+        before = len(found)
+        found |= {end for one in known if set(one.edge) & found for end in one.edge}
+    return {source.name for source in found if robot.graph.layers.version(source) is not None}
+
+
+@given(st.lists(ACTION, max_size=14))
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_whatever_happened_the_map_is_that_of_what_is_known(apart, hear, actions):
+    """Any interleaving of hearing, merging, reverting and mapping ends where a look at the end state says."""
+    _, robots = apart()
+    alpha, heard = robots["alpha"], 1
+    for stamp_ns, one in enumerate(actions):
+        if isinstance(one, Claim):
+            alpha.claims.add(one)
+        elif one in WORLD:
+            hold(robots, "alpha", one)
+        elif one == "observe":
+            alpha.observe(hear("alpha", *WORLD["alpha"], stamp_ns=stamp_ns))
+            heard += 1
+        elif one == "heard":
+            alpha.heard(stamp_ns)
+        elif one == "merge" and "bravo" not in alpha.merges:
+            hold(robots, "alpha", "bravo")
+            alpha.consider(robots["bravo"].offer(), robots["bravo"].layer(), stamp_ns)
+        elif one == "revert" and "bravo" in alpha.merges:
+            alpha.standing.revert(alpha.merges["bravo"], stamp_ns, "at random", "test", refuse=False)
+    alpha.heard(99)
+    inside = {name for name in (*reachable(alpha), *alpha.merges) if name != "alpha"}
+    expected = sum([alone("alpha")] * heard, Counter()) + sum(map(alone, inside), Counter())
+    assert fused(alpha) == expected
+    assert sorted(c.provenance.source for c in alpha.reversal.contributions.values()) == sorted(inside)
+    again = alpha.reversal.recomputed(alpha.map_type)
+    assert dict(again.counts) == dict(alpha.reversal.fused().counts)
