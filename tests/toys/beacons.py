@@ -162,6 +162,27 @@ class Beacons:
         except (ValueError, TypeError) as error:
             raise MapError(f"these bytes are no beacons: {error}") from None
 
+    def parts(self, layer: Heard) -> dict[bytes, bytes]:
+        """By stretches of ten places."""
+        stretches: dict[int, list[tuple[int, int]]] = {}
+        for at, n in layer.evidence().items():
+            stretches.setdefault(at // 10, []).append((at, n))
+        return {b"%d" % stretch: json.dumps(told).encode() for stretch, told in stretches.items()}
+
+    def join(self, parts: Mapping[bytes, bytes]) -> Heard:
+        try:
+            told = [pair for data in parts.values() for pair in json.loads(data)]
+            layer = Heard(Counter({int(at): int(n) for at, n in told}))
+        except (ValueError, TypeError) as error:
+            raise MapError(f"these parts are no beacons: {error}") from None
+        if self.parts(layer) != dict(parts):
+            raise MapError("these parts are not as they are cut")
+        return layer
+
+    def preview(self, layer: Heard) -> Heard:
+        """Whether a beacon is there, and not how often it was heard."""
+        return Heard(Counter({at: 1 if n > 0 else -1 for at, n in layer.evidence().items()}))
+
     def metadata(self, layer: Heard) -> MapMetadata:
         evidence = layer.evidence()
         return MapMetadata(BEACONS, known_area_m2=float(len(evidence)), observations=sum(map(abs, evidence.values())))

@@ -112,6 +112,40 @@ class Trusting(Beacons):
             return Heard()
 
 
+@breaks(laws.BeaconLaws, "joining_is_the_inverse_of_cutting", "a_joined_layer_lives_on", "damaged_parts_are_refused")
+class CutsShort(Beacons):
+    def parts(self, layer):
+        return dict(list(super().parts(layer).items())[:1])
+
+
+@breaks(laws.BeaconLaws, "a_joined_layer_lives_on", *EXACT, "multi_map_is_exact")
+class FrozenTogether(Frozen):
+    """A joined layer is only to look at; a decoded one is not."""
+
+    def decode(self, data):
+        return Beacons.decode(self, data)
+
+    def join(self, parts):
+        layer = super().join(parts)
+        layer.frozen = True
+        return layer
+
+
+@breaks(laws.BeaconLaws, "damaged_parts_are_refused")
+class JoinsAnything(Beacons):
+    def join(self, parts):
+        try:
+            return super().join(parts)
+        except MapError:
+            return Heard()
+
+
+@breaks(laws.BeaconLaws, "a_preview_shows_the_map")
+class ShowsHeardOnly(Beacons):
+    def preview(self, layer):
+        return Heard(Counter({at: n for at, n in super().preview(layer).counts.items() if n > 0}))
+
+
 @breaks(laws.BeaconLaws, "metadata_can_be_sent")
 class Unsendable(Beacons):
     def metadata(self, layer):
