@@ -309,13 +309,11 @@ def test_a_robot_without_the_merge_has_the_same_bytes(apart):
 
 
 TOLD = [claim(B, A), claim(A, D), claim(B, C), claim(D, C), claim(C, D), claim(D, B)]
-CHANGED = [
-    Claim(*one.edge, one.epoch, state, 1, one.T_receiver_donor, support=one.support)
-    for one in TOLD
-    for state in ("provisional", "reverted")
-]
+GONE = [Claim(*one.edge, 1, "reverted", 1, one.T_receiver_donor, support=one.support) for one in TOLD]
+AGAIN = [Claim(*one.edge, 2, "confirmed", 0, one.T_receiver_donor, support=one.support) for one in TOLD]
 ACTION = st.one_of(
-    st.sampled_from([*TOLD, *CHANGED]),
+    st.sampled_from(TOLD),
+    st.sampled_from([*GONE, *AGAIN]),
     st.sampled_from(["bravo", "charlie", "delta", "observe", "heard", "merge", "revert"]),
 )
 
@@ -330,13 +328,17 @@ def reachable(robot) -> set[str]:
     return {source.name for source in found if robot.graph.layers.version(source) is not None}
 
 
-@given(st.lists(ACTION, max_size=14))
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_whatever_happened_the_map_is_that_of_what_is_known(apart, hear, actions):
+@given(st.lists(ACTION, min_size=8, max_size=24), st.booleans(), st.booleans())
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_whatever_happened_the_map_is_that_of_what_is_known(apart, hear, actions, holds, at_once):
     """Any interleaving of hearing, merging, reverting and mapping ends where a look at the end state says."""
     _, robots = apart()
     alpha, heard = robots["alpha"], 1
+    if holds:
+        hold(robots, "alpha", "bravo", "charlie", "delta")
     for stamp_ns, one in enumerate(actions):
+        if at_once:
+            alpha.heard(stamp_ns)
         if isinstance(one, Claim):
             alpha.claims.add(one)
         elif one in WORLD:
