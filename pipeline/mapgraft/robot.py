@@ -39,6 +39,7 @@ class Robot:
     journal: Journal
     candidates: Candidates = field(default_factory=Candidates)
     looked_at: dict[str, tuple[int, Provenance]] = field(default_factory=dict)  # donor → versions last considered
+    wanted: dict[str, tuple[int, Provenance]] = field(default_factory=dict)  # donor → versions when it was asked for
     left_out: LeftOut = field(default_factory=LeftOut)
     through: Through = "confirmed"
     consistency: Settings = field(default_factory=Settings)
@@ -125,8 +126,10 @@ class Robot:
         both = (self.reversal.version, received.provenance)
         if self.looked_at.get(donor) == both:  # neither map has changed since: the answer would be the same
             return False
-        self.looked_at[donor] = both
+        if self.wanted.get(donor) == both:  # it did not come
+            return True
         if self.hand.forbids(self.name, donor):
+            self.looked_at[donor] = both
             self.journal.offered(stamp_ns, received.provenance, size)
             self.journal.forbidden(stamp_ns, donor)
             return False
@@ -135,11 +138,15 @@ class Robot:
         rules = Rules(self.table, self.workshop, met, self.reversal.name)
         rule = rules.next()
         if rule and self.candidates.waits(donor, rule.name, rule.retry.growth, met.own, met.other):
+            self.looked_at[donor] = both
             return False
         self.journal.offered(stamp_ns, received.provenance, size)
         if rule is None:
+            self.looked_at[donor] = both
             self.journal.rejected(stamp_ns, donor, rules.ruling)
-        return rule is not None
+            return False
+        self.wanted[donor] = both
+        return True
 
     def consider(self, offer: bytes, sent: SentLayer, stamp_ns: int, preview: bool = False) -> bool:
         """Decide about a donor's layer that was wanted: merge it, or bring a standing merge up to date.
@@ -154,13 +161,17 @@ class Robot:
             return preview
         with self.own.asking():
             met = self._encounter(donor, received.metadata, stamp_ns)
-        return self._decide(donor, sent, met, preview)
+        worth = self._decide(donor, sent, met, preview)
+        if not worth:
+            self.looked_at[donor] = (self.reversal.version, received.provenance)
+        return worth
 
     def refused(self, offer: bytes, reason: str, stamp_ns: int) -> None:
         """A donor's layer that was wanted cannot be had."""
         received = Offer.decode(offer)
         if received.provenance.source in self.merges:
             return
+        self.looked_at[received.provenance.source] = (self.reversal.version, received.provenance)
         with self.own.asking():
             met = self._encounter(received.provenance.source, received.metadata, stamp_ns)
         rule = Rules(self.table, self.workshop, met, self.reversal.name).next()

@@ -124,3 +124,30 @@ def test_what_is_on_a_topic_is_heard_by_the_missions_clock():
         assert list(mission.signals(("/nothing",))) == []
     assert len(heard) >= len(seen) > 100 and {signal.topic for signal in heard} == {topic}
     assert abs(heard[0].stamp_ns - seen[0]) < SECOND and all(signal.text == "" for signal in heard)
+
+
+def test_a_map_that_did_not_come_is_asked_for_at_the_next_meeting(play):
+    """Nobody has mapped on since, so only what was lost is a reason to ask again."""
+    cut = Partition(round(1.3 * SECOND), 5 * SECOND, (frozenset({"alpha"}), frozenset({"bravo"})))
+    slow = Conditions(latency_ns=SECOND // 5, partitions=(cut,))
+    memory, robots, _ = play(*begun("alpha", "bravo", "charlie"), (9, "charlie", *PLACES["charlie"]), meet=(1, 6),
+                             network=Network(slow, window_ns=2 * SECOND))  # fmt: skip
+    assert kinds(memory).count("offered") == 2  # of bravo and charlie, once each
+    assert "bravo" in robots["alpha"].merges
+    (event,) = [e for e in memory.events if (e.kind, e.receiver, e.donor) == ("merged", "alpha", "bravo")]
+    assert event.stamp_ns > 6 * SECOND
+
+
+def test_a_robot_that_fails_while_it_is_asked_holds_nobody_up(play, monkeypatch):
+    """Its map is wanted, and it cannot send it: the others say so and go on."""
+
+    def broken(self, layer):
+        raise OSError("its disk is full")
+
+    monkeypatch.setattr("beacons.Beacons.parts", broken)
+    for network in (Network(), Network(SLOW)):
+        memory, robots, _ = play(*begun(*PLACES), (9, "alpha", *PLACES["alpha"]), meet=(1, 5), network=network)
+        failed = [robot.failed for robot in robots.values() if robot.failed]
+        assert len(failed) >= 2 and all("its disk is full" in why for why in failed)
+        said = [e.reason for e in memory.events if e.kind == "unmatched"]
+        assert network == Network(SLOW) or any("its disk is full" in reason for reason in said)

@@ -56,8 +56,6 @@ class Medium:
 
     def until(self, now_ns: int) -> None:
         """Everything that is due up to now, in its order."""
-        if self.radio.conditions.is_perfect:
-            return
         while (at_ns := self.next_ns()) is not None and at_ns <= now_ns:
             self._deliver(at_ns)
             for name in sorted(self.nodes):
@@ -66,7 +64,9 @@ class Medium:
                     self._wake(name, at_ns)
 
     def next_ns(self) -> int | None:
-        """When something is to happen next."""
+        """When something is to happen next; None where it happens at once, in the meeting."""
+        if self.radio.conditions.is_perfect:
+            return None
         wakes = [node.wake_ns for name, node in self.nodes.items() if not self.is_out(name)]
         due = [at_ns for at_ns in (*wakes, self.radio.next_ns) if at_ns is not None]
         return min(due, default=None)
