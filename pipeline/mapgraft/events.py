@@ -21,6 +21,7 @@ Kind = Literal[
     "attached",  # a layer entered the map by a chain of merges of several robots, without a merge of its own
     "reattached",  # another chain, a transform that has moved, or a newer layer took the place of what was attached
     "detached",  # what was attached was taken out again
+    "unattached",  # a layer that merges lead to is not attached, and why; said once as long as the reason is the same
     "disputed",  # a merge contradicts others and nobody can tell which is wrong: nothing is attached through it
     "disbelieved",  # own observations contradict what was attached: this robot no longer believes another's merge
     "failed",  # a plugin raised, took too long or gave nonsense; the run goes on with the next rule or robot

@@ -128,9 +128,9 @@ class Journal:
         told = {"reason": reason, "by": by, "evidence": evidence, "through": (claim.merge_id,)}
         self._record(kind, stamp_ns, claim.donor.name, **of_merge, **told)
 
-    def left_aside(self, stamp_ns: int, donor: str, reason: str, by: str, rule: str = "") -> None:
+    def left_aside(self, stamp_ns: int, donor: str, reason: str, by: str) -> None:
         """Something that could be attached is not."""
-        self._record("rejected", stamp_ns, donor, reason=reason, by=by, rule=rule)
+        self._record("unattached", stamp_ns, donor, reason=reason, by=by)
 
     def snapshot(
         self,

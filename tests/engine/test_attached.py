@@ -180,7 +180,7 @@ def test_a_single_map_attaches_nothing_and_says_so_once(apart):
     for stamp_ns in (1, 2):
         robots["alpha"].heard(stamp_ns)
         robots["alpha"].claims.add(claim(B, C, revision=stamp_ns, state="provisional"))
-    assert [kind for kind, _ in told(memory)] == ["rejected"]
+    assert [kind for kind, _ in told(memory)] == ["unattached"]
     assert "a single map cannot take out" in memory.events[0].reason
 
 

@@ -180,7 +180,7 @@ class Attachments:
         """Say once why something that is reachable is not attached."""
         if self.left_aside.get(source) != reason:
             self.left_aside[source] = reason
-            self.standing.journal.left_aside(stamp_ns, source.name, f"not attached: {reason}", BY)
+            self.standing.journal.left_aside(stamp_ns, source.name, reason, BY)
 
 
 def _match(chain: Chain) -> Match:

@@ -88,7 +88,7 @@ class _Drawing:
         label = f"{short(pair[0], _LABEL)} ← {short(pair[1], _LABEL)}"
         row = Row(_TOP + _ROW * (n + 0.5), label, f"{pair[0]} receives from {pair[1]}")
         row.bars += self._bars(events)
-        through = ("reattached", "attached", "detached", "disputed", "disbelieved")
+        through = ("reattached", "attached", "detached", "unattached", "disputed", "disbelieved")
         for kind in ("updated", *ATTEMPTS, *through, "merged", "confirmed", "reverted"):
             row.marks += self._marks(kind, [event for event in events if event.kind == kind])
         return row
