@@ -23,12 +23,15 @@ STREAM: Final = (
     "an_updated_tracker_equals_a_fresh_one",
     "a_changed_donor_is_measured",
 )  # nothing is heard in one example
+PARTED: Final = ("joining_is_the_inverse_of_cutting", "a_joined_layer_lives_on", "damaged_parts_are_refused")
+PREVIEWED: Final = "a_preview_shows_the_map"
 SEEN_ONCE: Final = "what_stood_stands_on"  # the simplest scene has one observation
 UNTRIED: Final[dict[str, dict[str, set[str]]]] = {
     "floor_plan": {
         NO_LAWS: {"format plan_dxf", "format plan_image", "format plan_svg"},
         "concerns_are_honest": {"metric plan_agreement", "metric plan_deviations", "metric plan_posterior"},
         "placing_makes_no_looks": {"map type floor_plan"},  # nobody has seen a plan
+        **{law: {"map type floor_plan"} for law in (*PARTED, PREVIEWED)},  # it is small, and sent once
         "converting_makes_no_looks": {
             "conversion floor_plan_to_line_segments", "conversion floor_plan_to_occupancy_grid"
         },
@@ -39,6 +42,7 @@ UNTRIED: Final[dict[str, dict[str, set[str]]]] = {
     },
     "line_segments": {
         NO_LAWS: {"format lines_geojson"},
+        PREVIEWED: {"map type line_segments"},  # its layers are as small as a preview would be
         "concerns_are_honest": {
             f"metric line_{name}" for name in ("contradiction", "explained", "news", "posterior", "residual")
         },
@@ -63,7 +67,7 @@ UNTRIED: Final[dict[str, dict[str, set[str]]]] = {
         SEEN_ONCE: {"conversion occupancy_grid_to_point_cloud", "conversion point_cloud_to_occupancy_grid"},
     },
     "standard": {
-        NO_LAWS: {"policy at"},
+        NO_LAWS: {"policy at", "policy topic"},
         "foreign_maps_are_refused": {"matcher known_pose"},
         "the_prior_is_scored": {"matcher known_pose"},
     },
