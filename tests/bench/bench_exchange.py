@@ -1,6 +1,6 @@
 """What it takes that robots meet: bytes against sending whole maps, and how that grows with the number of robots.
 
-    python tests/bench/bench_exchange.py bytes [--robots 4] [--seconds 20] [--every 1]
+    python tests/bench/bench_exchange.py bytes [--robots 4] [--seconds 10] [--every 1]
     python tests/bench/bench_exchange.py scale [--most 32]
 
 ``bytes`` cuts the Intel log into robots that map at the same time and meet every so many seconds, once with previews
@@ -178,7 +178,7 @@ def main() -> int:
     modes = parser.add_subparsers(dest="mode", required=True)
     weighing = modes.add_parser("bytes")
     weighing.add_argument("--robots", type=int, default=4)
-    weighing.add_argument("--seconds", type=float, default=20.0)
+    weighing.add_argument("--seconds", type=float, default=10.0)
     weighing.add_argument("--every", type=int, default=1)
     scaling = modes.add_parser("scale")
     scaling.add_argument("--most", type=int, default=32)
