@@ -173,7 +173,7 @@ class Robot:
         for source, chain in chains.items():
             head = self.node.replica.head(Copy(source, "layer"))
             if head is not None and head.version:
-                wanted[source] = (head.version, *(claim.data for claim in chain.claims))
+                wanted[source] = (head.version, head.digest, *(claim.data for claim in chain.claims))
         for source in sorted(self._attached.keys() - wanted.keys()):
             self.reversal.revert(self._attached.pop(source)[0])
         for source, basis in sorted(wanted.items()):
