@@ -11,9 +11,9 @@ from mapgraft.errors import FailedPluginError, PluginError
 from mapgraft.events import Sink
 from mapgraft.guard import Guard
 from mapgraft.history import History
-from mapgraft.network.host import node_of
 from mapgraft.network.medium import Medium
 from mapgraft.network.radio import NS_PER_S, Conditions, Radio, Traffic
+from mapgraft.network.robots import node_of
 from mapgraft.robot import Robot
 from mapgraft.soundness import sound_meetings
 from mapgraft.stopwatch import Stopwatch

@@ -28,7 +28,8 @@ from mapgraft.contracts import (
 from mapgraft.exchange import Form, Offer
 from mapgraft.graph.chains import Chain, best_chains
 from mapgraft.graph.claims import Claim, Claims, Source
-from mapgraft.network.node import Node, Wish
+from mapgraft.network.host import Wish
+from mapgraft.network.node import Node
 from mapgraft.network.radio import NS_PER_S, Conditions, Fates, Radio, Traffic
 from mapgraft.network.replica import Whole
 from mapgraft.network.wire import Aspect, Copy, encode, kind_of

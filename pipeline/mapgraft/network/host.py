@@ -1,86 +1,55 @@
-"""A robot as its node sees it: offers, layers cut for the way, decisions, and consequences."""
+"""What a node asks of its robot: the seam between how robots talk and what they make of it."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from typing import Literal, Protocol
 
-from mapgraft.contracts import PreviewedType
-from mapgraft.errors import FailedPluginError, MapError, PluginError
-from mapgraft.exchange import Form, Offer, SentLayer
+from mapgraft.exchange import Form
 from mapgraft.graph.claims import Claims, Source
-from mapgraft.network.node import Node, Wish
 from mapgraft.network.replica import Whole
-from mapgraft.network.wire import WRITER, Aspect
-from mapgraft.robot import Robot
+from mapgraft.network.wire import Aspect
+
+Wish = Literal["layer", "preview", "nothing"]
 
 
-@dataclass(slots=True)
-class RobotHost:
-    """With ``previews`` a map is looked at in its preview first, where it was not merged yet and its type has one."""
-
-    robot: Robot
-    previews: bool = False
+class Host(Protocol):
+    """What a node asks of its robot. Whatever it raises ends the robot's part, and comes through."""
 
     @property
-    def claims(self) -> Claims:
-        return self.robot.claims
-
+    def claims(self) -> Claims: ...
     def offer(self) -> bytes:
-        return self.robot.offer()
+        """What there is to tell of the robot's map (``mapgraft.exchange.Offer``), its source and version in it."""
+        ...
 
     def cut(self, aspect: Aspect) -> tuple[Form, Mapping[bytes, bytes]]:
-        return self.robot.own.cut(preview=aspect == "preview")
+        """The offered layer, or its preview, as it travels."""
+        ...
 
     def wants(self, offer: bytes, size: int, stamp_ns: int) -> Wish:
-        if not self.robot.wants(offer, size, stamp_ns):
-            return "nothing"
-        return "preview" if self.previews and self._has_preview(Offer.decode(offer)) else "layer"
+        """What is wanted of a map that is offered; ``size`` is how many bytes told of it."""
+        ...
 
     def consider(self, whole: Whole, aspect: Aspect, size: int, stamp_ns: int) -> Wish:
-        sent = sent_layer(whole, size)
-        if aspect == "preview":
-            return "layer" if self.robot.consider(whole.head.offer, sent, stamp_ns, preview=True) else "nothing"
-        self.robot.graph.layers.add(sent)
-        self.robot.consider(whole.head.offer, sent, stamp_ns)
-        self.robot.graph.publish(stamp_ns)
-        return "nothing"
+        """A layer or preview that was wanted is here, for so many bytes; says what is wanted now of that source."""
+        ...
 
     def passed_on(self, whole: Whole, size: int, stamp_ns: int) -> None:
-        self.robot.graph.layers.add(sent_layer(whole, size))
+        """A layer of a third robot is here, for so many bytes."""
+        ...
 
     def refused(self, offer: bytes, reason: str, stamp_ns: int) -> None:
-        self.robot.refused(offer, reason, stamp_ns)
+        """A layer or preview that was wanted cannot be had."""
+        ...
 
     def heard(self, stamp_ns: int) -> None:
-        self.robot.heard(stamp_ns)
+        """Draw the consequences of all claims and layers that are known by now; asked whenever something new may be."""
+        ...
 
     def lacks(self) -> Collection[Source]:
-        return self.robot.graph.wants()
+        """The third robots whose layers are of use: of those whatever is newer than what is held is asked for."""
+        ...
 
     def renamed(self, source: Source) -> None:
-        """A mission gives every robot a name of its own."""
-        self.robot.fail(MapError(f"another robot is named {self.robot.name}: give one of them another name"), 0)
-
-    def _has_preview(self, offer: Offer) -> bool:
-        if offer.provenance.source in self.robot.merges:
-            return False
-        own = self.robot.map_type
-        try:
-            other = own if offer.metadata.type == own.name else self.robot.workshop.map_type(offer.metadata.type)
-        except (PluginError, FailedPluginError):
-            return False
-        return isinstance(other, PreviewedType)
-
-
-def sent_layer(whole: Whole, size: int) -> SentLayer:
-    """What came, for the robot; unpacked when it is looked at."""
-    offer = Offer.decode(whole.head.offer)
-    return SentLayer(offer.provenance, offer.metadata.type, whole.head.form, whole.parts, size)
-
-
-def node_of(robot: Robot, patience_ns: int, previews: bool) -> Node:
-    """The node of a robot of a mission; its writer follows from its name."""
-    writer = hashlib.blake2b(robot.name.encode(), digest_size=WRITER).digest()
-    return Node(robot.graph.me, writer, RobotHost(robot, previews), patience_ns)
+        """Another robot of the same name has it by right: this one is another source from now on."""
+        ...

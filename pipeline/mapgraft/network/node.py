@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Final, Literal, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 from mapgraft.contracts import MapError
 from mapgraft.errors import PluginError
-from mapgraft.exchange import Form, Offer
-from mapgraft.graph.claims import Claims, Source
+from mapgraft.exchange import Offer
+from mapgraft.graph.claims import Source
 from mapgraft.network.gossip import Gossip
-from mapgraft.network.replica import Replica, Whole
+from mapgraft.network.host import Host
+from mapgraft.network.replica import Replica
 from mapgraft.network.wire import (
-    Aspect,
     Copy,
     Head,
     Hello,
@@ -28,50 +28,6 @@ from mapgraft.network.wire import (
 
 MOST_TRIES: Final = 10  # times that the same is asked for in one contact
 MOST_PEERS: Final = 4096
-
-Wish = Literal["layer", "preview", "nothing"]
-
-
-class Host(Protocol):
-    """What a node asks of its robot. Whatever it raises ends the robot's part, and comes through."""
-
-    @property
-    def claims(self) -> Claims: ...
-    def offer(self) -> bytes:
-        """What there is to tell of the robot's map (``mapgraft.exchange.Offer``), its source and version in it."""
-        ...
-
-    def cut(self, aspect: Aspect) -> tuple[Form, Mapping[bytes, bytes]]:
-        """The offered layer, or its preview, as it travels."""
-        ...
-
-    def wants(self, offer: bytes, size: int, stamp_ns: int) -> Wish:
-        """What is wanted of a map that is offered; ``size`` is how many bytes told of it."""
-        ...
-
-    def consider(self, whole: Whole, aspect: Aspect, size: int, stamp_ns: int) -> Wish:
-        """A layer or preview that was wanted is here, for so many bytes; says what is wanted now of that source."""
-        ...
-
-    def passed_on(self, whole: Whole, size: int, stamp_ns: int) -> None:
-        """A layer of a third robot is here, for so many bytes."""
-        ...
-
-    def refused(self, offer: bytes, reason: str, stamp_ns: int) -> None:
-        """A layer or preview that was wanted cannot be had."""
-        ...
-
-    def heard(self, stamp_ns: int) -> None:
-        """Draw the consequences of all claims and layers that are known by now; asked whenever something new may be."""
-        ...
-
-    def lacks(self) -> Collection[Source]:
-        """The third robots whose layers are of use: of those whatever is newer than what is held is asked for."""
-        ...
-
-    def renamed(self, source: Source) -> None:
-        """Another robot of the same name has it by right: this one is another source from now on."""
-        ...
 
 
 class Outgoing(NamedTuple):
