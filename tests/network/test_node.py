@@ -200,3 +200,14 @@ def test_what_others_missed_comes_after_a_partition():
     a, c = swarm.robots["a"], swarm.robots["c"]
     assert a.claims.digest() == c.claims.digest() and len(a.claims) == 6
     assert "summary" not in met(swarm, "ac")
+
+
+def test_who_answers_slowly_is_not_asked_ever_more_often():
+    """Half a second of patience, and a radio on which one map takes ten."""
+    swarm = swarm_of("a", "b", conditions=Conditions(bandwidth_bytes_s=60.0), scans=20, previews=False)
+    swarm.window_ns = 900 * S
+    slow = met(swarm, "ab", seconds=900)
+    a, b = swarm.robots["a"], swarm.robots["b"]
+    assert held(a, b) == b.version and held(b, a) == a.version
+    fast = met(swarm_of("a", "b", scans=20, previews=False), "ab")
+    assert fast["layer"] > 10 * 60 and slow["layer"] <= 6 * fast["layer"]

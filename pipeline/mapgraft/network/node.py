@@ -65,12 +65,16 @@ class Question:
     version: int = 0
     plain: bool = False
 
+    def due_ns(self, patience_ns: int) -> int:
+        """When to ask again: each time twice as long after the last word, for whoever answers slowly is not deaf."""
+        return self.asked_ns + (patience_ns << (self.tries - 1))
+
 
 @dataclass(slots=True)
 class Node:
     """One robot's part in all conversations. It holds no clock: everything is said at a time of data.
 
-    ``patience_ns`` is how long it waits for an answer before it asks again.
+    ``patience_ns`` is how long it waits for an answer before it asks again, the first time.
     """
 
     source: Source
@@ -134,7 +138,9 @@ class Node:
             for source in sorted(self.host.lacks()):
                 self._ask_for(source, now_ns, here)
             self._tell_news(here)
-        if self._questions or len(self.outbox) > before:
+        for question in self._questions.values():
+            self._wake(max(now_ns + 1, question.due_ns(self.patience_ns)))
+        if len(self.outbox) > before:
             self._wake(now_ns + self.patience_ns)
         return len(self.outbox) > before
 
@@ -183,7 +189,7 @@ class Node:
         for copy, question in sorted(self._questions.items()):
             if question.peer not in here or question.tries >= MOST_TRIES:
                 del self._questions[copy]
-            elif now_ns >= question.asked_ns + self.patience_ns and now_ns > question.asked_ns:
+            elif now_ns >= question.due_ns(self.patience_ns) and now_ns > question.asked_ns:
                 self._repeat(copy, question, now_ns)
 
     def _repeat(self, copy: Copy, question: Question, now_ns: int) -> None:
@@ -229,6 +235,7 @@ class Node:
         if question is None or question.peer != sender or copy.source == self.source:
             return
         question.size += size
+        question.asked_ns = now_ns  # it is coming: patience begins anew
         if parts.head is None:
             self._nothing_new(copy, question, parts.reason, now_ns)
             return
