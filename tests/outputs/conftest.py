@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from plots import provenance, tell, told
+from plots import provenance, tell, told, traffic
 
 from mapgraft.events import Event
-from mapgraft.network.radio import Traffic
 from mapgraft.outputs.run_folder import RunFolder
 
 RUN_ID = "r0123456789abcde"
@@ -21,7 +20,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with RunFolder(folder, "demo", RUN_ID, provenance()) as sink:
         tell(sink, told())
         sink.timed("replay", 1.5, 1800)
-        sink.carried(Traffic({("alpha", "beta@2", "hello"): 120, ("alpha", "beta@2", "layer"): 4000}))
+        sink.carried(traffic())
     return folder
 
 

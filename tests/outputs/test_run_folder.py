@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from plots import ALPHA, AT, START_NS, UNDERSCORE, S, provenance, tell, told
+from plots import ALPHA, AT, START_NS, UNDERSCORE, S, provenance, tell, told, traffic
 
 from mapgraft.contracts import Finding, Measurement, Observation, Transform
 from mapgraft.errors import OutputError
@@ -62,6 +62,7 @@ def test_the_same_run_gives_the_same_folder_and_replaces_itself(tmp_path: Path, 
         with RunFolder(again, "demo", "r0123456789abcde", provenance(started_at)) as sink:
             tell(sink, told())
             sink.timed("replay", float(started_at.year), 1)
+            sink.carried(traffic())
     first, second = contents(out), contents(again)
     clock = {name for name in first.keys() | second.keys() if name.startswith("timings/")} | {MCAP}
     assert len(clock) == 3

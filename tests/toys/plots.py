@@ -27,6 +27,7 @@ from mapgraft.contracts import (
     Layer as AnyLayer,
 )
 from mapgraft.events import DonorMap, Event, Sink, Snapshot
+from mapgraft.network.radio import Traffic
 from mapgraft.outputs.provenance import InputFile, RunProvenance
 
 S = 1_000_000_000
@@ -162,6 +163,11 @@ def _raster(map_: Map) -> tuple[np.ndarray, tuple[int, int]]:
     grid = np.full((int(np.ptp(y)) + 1, int(np.ptp(x)) + 1), -1, dtype=np.int8)
     grid[y - y.min(), x - x.min()] = list(cells.values())
     return grid, (int(x.min()), int(y.min()))
+
+
+def traffic() -> Traffic:
+    """What the robots sent each other."""
+    return Traffic({(ALPHA, AT, "hello"): 120, (ALPHA, AT, "layer"): 4000})
 
 
 def provenance(started_at: datetime = datetime(2026, 1, 2, tzinfo=UTC), host: str = "here") -> RunProvenance:
