@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from mapgraft.config import Config, ConsistencyConfig, MapConfig, RadioConfig
 from mapgraft.contracts import ListeningPolicy, MapType
+from mapgraft.correction import Recollection
 from mapgraft.decision import DecisionTable
 from mapgraft.errors import ConfigError, PluginError
 from mapgraft.events import Sink
@@ -50,7 +51,10 @@ def assemble(mission: Mission, config: Config, plugins: Plugins, table: Decision
         reversal = new_reversal(reversal_name, map_type)
         journal = Journal(history, source.name, map_type, reversal, config.output.snapshots)
         made = (source.name, map_type, reversal, table, workshop, hand, journal)
-        robots[source.name] = Robot(*made, through=config.exchange.through, consistency=consistency)
+        recollection = Recollection() if source.corrections else None
+        robots[source.name] = Robot(
+            *made, through=config.exchange.through, consistency=consistency, recollection=recollection
+        )
     try:
         policy = workshop.policy(config.exchange.use, config.exchange.parameters)
         if isinstance(policy, ListeningPolicy):

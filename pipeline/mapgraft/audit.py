@@ -14,6 +14,7 @@ import numpy as np
 from mapgraft.assembly import map_type_of
 from mapgraft.config import Config
 from mapgraft.contracts import Layer, Map, MapError, MapType, Observation, Provenance
+from mapgraft.correction import Correction, Recollection
 from mapgraft.plugins import Plugins
 from mapgraft.procedures import Workshop
 from mapgraft.robot import Robot
@@ -29,13 +30,13 @@ class Finding:
 
 
 def audit(
-    observations: Iterable[Observation],
+    timeline: Iterable[Observation | Correction],
     kinds: Mapping[str, Iterable[str]],
     robots: Mapping[str, Robot],
     config: Config,
     plugins: Plugins,
 ) -> list[Finding]:
-    """One finding per robot, by name; ``kinds`` tells what each observes, ``observations`` are those of the run."""
+    """One finding per robot, by name; ``kinds`` tells what each observes, ``timeline`` is that of the run."""
     workshop = Workshop(plugins)
     anew = {name: _Anew(map_type_of(name, kinds[name], config, workshop)) for name in robots}
     wanted = {source for robot in robots.values() for source in _sources(robot)}
@@ -43,10 +44,14 @@ def audit(
         wanted.add((name, robot.reversal.offered_version))
     for name, again in anew.items():
         again.keep(name, wanted)
-    for observation in observations:
-        again = anew[observation.robot]
-        if again.version < robots[observation.robot].reversal.version:
-            again.integrate(observation, wanted)
+    for entry in timeline:
+        again, robot = anew[entry.robot], robots[entry.robot]
+        if again.version >= robot.reversal.version:
+            continue
+        if isinstance(entry, Correction):
+            again.correct(entry, robot, wanted)
+        else:
+            again.integrate(entry, wanted, robot.recollection is not None)
     return [_finding(robot, anew) for _, robot in sorted(robots.items())]
 
 
@@ -57,18 +62,33 @@ class _Anew:
     map_type: MapType
     layer: Layer = field(init=False)
     version: int = 0
+    recollection: Recollection = field(default_factory=Recollection)
     kept: dict[int, bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.layer = self.map_type.new_layer()
 
-    def integrate(self, observation: Observation, wanted: set[tuple[str, int]]) -> None:
+    def integrate(self, observation: Observation, wanted: set[tuple[str, int]], remember: bool) -> None:
         try:
             self.map_type.integrate(self.layer, observation)
         except MapError:  # left out then as now
             return
         self.version += 1
+        if remember:
+            self.recollection.observations.append(observation)
         self.keep(observation.robot, wanted)
+
+    def correct(self, correction: Correction, robot: Robot, wanted: set[tuple[str, int]]) -> None:
+        """Integrate everything once more, where the robot could follow the correction, too."""
+        anew = self.recollection.corrected(correction)
+        if anew is None or correction.stamp_ns not in robot.corrected_ns:
+            return
+        self.recollection.observations[:] = anew.observations
+        self.layer = self.map_type.new_layer()
+        for observation in anew.observations:
+            self.map_type.integrate(self.layer, observation)
+        self.version += 1
+        self.keep(correction.robot, wanted)
 
     def keep(self, robot: str, wanted: set[tuple[str, int]]) -> None:
         if (robot, self.version) in wanted:
@@ -87,7 +107,8 @@ def _finding(robot: Robot, anew: Mapping[str, _Anew]) -> Finding:
         return Finding(robot.name, False, "; ".join(faults))
     others = len(robot.reversal.contributions)
     with_ = f" and {others} contribution{'s' * (others != 1)}" if others else ""
-    return Finding(robot.name, True, f"{robot.reversal.version} observations{with_} recomputed, all equal")
+    observed = robot.reversal.version - len(robot.corrected_ns)
+    return Finding(robot.name, True, f"{observed} observations{with_} recomputed, all equal")
 
 
 def _own_faults(robot: Robot, again: _Anew) -> list[str]:
@@ -95,7 +116,8 @@ def _own_faults(robot: Robot, again: _Anew) -> list[str]:
     held = robot.map_type.encode(robot.reversal.offered_layer())
     if again.kept.get(version) == held:
         return []
-    return [f"its own layer of {version} observations differs from one integrated anew"]
+    observed = version - len(robot.corrected_ns)
+    return [f"its own layer of {observed} observations differs from one integrated anew"]
 
 
 def _donor_faults(robot: Robot, anew: Mapping[str, _Anew]) -> list[str]:

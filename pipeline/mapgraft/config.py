@@ -126,7 +126,8 @@ class PosesConfig(Section):
     topic instead of the tf tree. ``max_gap_s``: how far the nearest poses on both sides of a scan may lie apart in
     time; a scan without a pose is counted and left out. ``max_speed_m_s``: a scan whose pose has jumped farther than a
     robot of this speed moves is counted and left out, until the poses stay where they jumped to. ``prefix``: put before
-    bare frames of ``/<robot>/tf``.
+    bare frames of ``/<robot>/tf``. ``corrections``: a topic of ``nav_msgs/Path`` on which the robot tells anew where it
+    was, as after closing a loop; whenever one comes the robot maps anew what it has observed.
     """
 
     file: Path | None = None
@@ -134,6 +135,7 @@ class PosesConfig(Section):
     map_frame: str | None = None
     base_frame: str | None = None
     prefix: str | None = None
+    corrections: str | None = None
     max_gap_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.5
     max_speed_m_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 50.0
 

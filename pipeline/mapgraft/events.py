@@ -24,6 +24,7 @@ Kind = Literal[
     "unattached",  # a layer that merges lead to is not attached, and why; said once as long as the reason is the same
     "disputed",  # a merge contradicts others and nobody can tell which is wrong: nothing is attached through it
     "disbelieved",  # own observations contradict what was attached: this robot no longer believes another's merge
+    "corrected",  # the robot learnt where it had really been, and mapped anew what it had observed
     "failed",  # a plugin raised, took too long or gave nonsense; the run goes on with the next rule or robot
 ]
 

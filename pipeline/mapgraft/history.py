@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from mapgraft.attempt import Attempt
 from mapgraft.contracts import Exactness, MapMetadata, MapType, Match, Measurement, Provenance, Sample, Transform
+from mapgraft.correction import Corrected
 from mapgraft.decision import Ruling
 from mapgraft.errors import FailedPluginError
 from mapgraft.events import DonorMap, Event, Kind, Sink, Snapshot
@@ -127,6 +128,16 @@ class Journal:
             }
         told = {"reason": reason, "by": by, "evidence": evidence, "through": (claim.merge_id,)}
         self._record(kind, stamp_ns, claim.donor.name, **of_merge, **told)
+
+    def corrected(self, stamp_ns: int, anew: Corrected) -> None:
+        """The robot has mapped anew what it had observed."""
+        moved = {"observations": float(len(anew.observations)), "observations_moved": float(anew.moved)}
+        evidence = {**moved, "farthest_m": anew.farthest_m, "most_rad": anew.most_rad}
+        self._record("corrected", stamp_ns, "", reason=anew.reason, by="correction", evidence=evidence)
+
+    def uncorrected(self, stamp_ns: int, reason: str) -> None:
+        """A correction that cannot be followed."""
+        self._record("failed", stamp_ns, "", reason=f"a correction is left aside: {reason}", by="correction")
 
     def left_aside(self, stamp_ns: int, donor: str, reason: str, by: str) -> None:
         """Something that could be attached is not."""

@@ -19,6 +19,7 @@ from mapgraft.assembly import Assembly, assemble
 from mapgraft.audit import Finding, audit
 from mapgraft.config import Config, load_config, parse_config
 from mapgraft.contracts import Observation
+from mapgraft.correction import Correction
 from mapgraft.decision import DecisionTable, build_table
 from mapgraft.errors import PluginError, RecordingError, UsageError
 from mapgraft.events import Event, Sink, Snapshot
@@ -204,7 +205,7 @@ def _lost(mission: Mission, assembly: Assembly) -> list[str]:
 
 def _audited(mission: Mission, assembly: Assembly, config: Config, plugins: Plugins) -> list[Finding]:
     kinds = {robot.name: robot.kinds for robot in mission.robots}
-    return audit(mission.observations(), kinds, assembly.robots, config, plugins)
+    return audit(mission.timeline(), kinds, assembly.robots, config, plugins)
 
 
 def _remarks(mission: Mission, assembly: Assembly) -> list[str]:
@@ -231,8 +232,8 @@ def _replayed(mission: Mission, assembly: Assembly, sink: Sink, watch: Stopwatch
     assembly.exchange.watch = watch
     watch.add("exchanging", 0.0, 0)  # also where nobody meets
     with watch.stage("replaying", 0):
-        observations = watch.waiting("reading", mission.observations())
-        count = replay(observations, assembly.robots, assembly.exchange, sink)
+        timeline = watch.waiting("reading", mission.timeline())
+        count = replay(timeline, assembly.robots, assembly.exchange, sink)
     if count == 0:
         raise RecordingError(nothing_to_map(mission))
     if all(robot.left_out.count and not robot.reversal.version for robot in assembly.robots.values()):
@@ -259,8 +260,11 @@ def map_alone(files: Sequence[Path], config: Config, plugins: Plugins, table: De
 
     with open_mission(files, config, plugins=plugins) as mission:
         robots = assemble(mission, config, plugins, table, NullSink()).robots
-        for observation in mission.observations():
-            robots[observation.robot].observe(observation)
+        for entry in mission.timeline():
+            if isinstance(entry, Correction):
+                robots[entry.robot].correct(entry)
+            else:
+                robots[entry.robot].observe(entry)
     if failed := next((robot.failed for robot in robots.values() if robot.failed), None):
         raise PluginError(failed)
     return robots

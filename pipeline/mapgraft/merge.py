@@ -178,6 +178,19 @@ class Merge:
             self.history[0] = dataclasses.replace(sample, measurements={**sample.measurements, **before})
         return sample or Sample(stamp_ns, 0, {})
 
+    def restart(self, stamp_ns: int) -> None:
+        """The receiver has mapped anew: what its observations have told so far was told of another map.
+
+        The state stays. Raises PluginError when a metric fails.
+        """
+        if self.unwatched:
+            return
+        self._judged.watches.clear()
+        self._logged.watches.clear()
+        self.history.clear()
+        self.verdict = None
+        self.start(stamp_ns)
+
     def replace(self, grafted: Grafted) -> None:
         """The donor's layer or the transform is another one now: the metrics must look at everything again.
 

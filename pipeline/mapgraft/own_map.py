@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from mapgraft.contracts import Donation, MapMetadata, MapType, Provenance
+from mapgraft.contracts import Donation, Layer, MapMetadata, MapType, Observation, Provenance, Region
 from mapgraft.errors import FailedPluginError, MapError
 from mapgraft.events import DonorMap
 from mapgraft.exchange import Form, Offer, SentLayer, cut, preview_of
@@ -15,6 +15,7 @@ from mapgraft.history import Journal, Moment
 from mapgraft.merge import Merge
 from mapgraft.procedures import Workshop
 from mapgraft.reversal import Reversal
+from mapgraft.reversal.gathering import Gathering
 
 EPOCH: Final = 1  # a robot's map frame lives from its first to its last observation
 
@@ -34,6 +35,20 @@ class OwnMap:
     def asking(self) -> Call:
         """A context in which the robot's own map type is asked."""
         return self.workshop.guard.calling("map type", self.map_type.name)
+
+    def mapped(self, observations: Iterable[Observation]) -> tuple[Layer, Region]:
+        """A layer of these observations, beside the one there is, and what they touch.
+
+        Raises what the map type raises.
+        """
+        with self.asking():
+            layer = self.map_type.new_layer()
+            touched = Gathering(self.map_type.region(layer))
+        for observation in observations:
+            with self.asking():
+                touched.add(self.map_type.integrate(layer, observation))
+        with self.asking():
+            return layer, touched.united()
 
     def offer(self) -> bytes:
         """What this robot tells about its map; raises FailedPluginError or MapError when its type cannot tell."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from itertools import permutations
 
 from mapgraft.contracts import MapError, Meeting, Observation, Policy, Situation, Transform
+from mapgraft.correction import Correction
 from mapgraft.errors import FailedPluginError, PluginError
 from mapgraft.events import Sink
 from mapgraft.guard import Guard
@@ -123,15 +124,22 @@ class Placements(Mapping[tuple[str, str], Transform]):
         return sum(len(robot.merges) for robot in self._robots.values())
 
 
-def replay(observations: Iterable[Observation], robots: Mapping[str, Robot], exchange: Exchange, sink: Sink) -> int:
+def replay(
+    timeline: Iterable[Observation | Correction], robots: Mapping[str, Robot], exchange: Exchange, sink: Sink
+) -> int:
     """Replay one mission; returns how many observations there were.
 
     Exchanges fall between observations: whatever is due at a stamp happens before the observation of that stamp.
     """
     count, now_ns = 0, 0
-    for observation in observations:
+    for observation in timeline:
         now_ns = observation.stamp_ns
         exchange.until(now_ns)
+        if isinstance(observation, Correction):
+            robots[observation.robot].correct(observation)
+            if (T_map_base := robots[observation.robot].T_map_base) is not None:
+                exchange.T_map_base[observation.robot] = T_map_base
+            continue
         robots[observation.robot].observe(observation)
         exchange.T_map_base[observation.robot] = observation.T_map_base
         sink.observed(observation)

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 
 from mapgraft.attempt import Attempt, Attempts, Grafted
 from mapgraft.candidates import Candidates, LastAttempt
-from mapgraft.contracts import MapMetadata, MapType, Observation, Provenance
+from mapgraft.contracts import MapMetadata, MapType, Observation, Provenance, Transform
+from mapgraft.correction import Correction, Recollection
 from mapgraft.decision import DecisionTable
 from mapgraft.encounter import Encounter, Rules
 from mapgraft.errors import FailedPluginError, MapError, PluginError
@@ -28,7 +29,10 @@ from mapgraft.standing import Standing
 
 @dataclass(slots=True)
 class Robot:
-    """One robot with its map and its merges; it decides for itself and knows the others only from bytes."""
+    """One robot with its map and its merges; it decides for itself and knows the others only from bytes.
+
+    With a ``recollection`` it keeps what it observes, so that it can be corrected.
+    """
 
     name: str
     map_type: MapType
@@ -43,10 +47,12 @@ class Robot:
     left_out: LeftOut = field(default_factory=LeftOut)
     through: Through = "confirmed"
     consistency: Settings = field(default_factory=Settings)
+    recollection: Recollection | None = None
     own: OwnMap = field(init=False)
     attempts: Attempts = field(init=False)
     standing: Standing = field(init=False)
     graph: Member = field(init=False)
+    corrected_ns: list[int] = field(default_factory=list)  # when it mapped anew
     _followed: int = 0
 
     def __post_init__(self) -> None:
@@ -91,14 +97,55 @@ class Robot:
             self.fail(error, observation.stamp_ns)
             return
         self.attempts.changed()
+        if self.recollection is not None:
+            self.recollection.observations.append(observation)
         self.standing.observed(observation, touched)
         if self.standing.changes != self._followed or self.standing.doubted:
             self.heard(observation.stamp_ns)
+
+    def correct(self, correction: Correction) -> None:
+        """Map anew what was observed, at the places at which it belongs by now, and look at every merge again.
+
+        The own layer is then that of a robot that has known from the start. A correction that moves nothing says
+        nothing new; one that cannot be followed leaves everything as it was, and says so.
+        """
+        if self.failed or self.recollection is None:
+            return
+        if self.reversal.mixed:
+            said = "others were merged into its single map, and nobody can tell any more what in it is its own"
+            self.journal.uncorrected(correction.stamp_ns, f"{said}: use the reversal ledger or multi_map")
+            return
+        anew, stamp_ns = self.recollection.corrected(correction), correction.stamp_ns
+        if anew is None:
+            return
+        try:
+            layer, touched = self.own.mapped(anew.observations)
+            with self.own.asking():
+                self.reversal.remap(layer, touched)
+        except MapError as error:
+            self.journal.uncorrected(stamp_ns, str(error))
+            return
+        except FailedPluginError as error:
+            self.standing.complain(error, stamp_ns, "")
+            return
+        self.recollection.observations[:] = anew.observations
+        self.corrected_ns.append(stamp_ns)
+        self.attempts.changed()
+        self.candidates.last.clear()  # what was tried with the map as it was need not wait
+        self.journal.corrected(stamp_ns, anew)
+        self.standing.remapped(self.graph.layers, stamp_ns)
+        self.heard(stamp_ns)
 
     def heard(self, stamp_ns: int) -> None:
         """Draw the consequences for the own map of all claims and layers that are known by now."""
         self.graph.heard(stamp_ns)
         self._followed = self.standing.changes
+
+    @property
+    def T_map_base(self) -> Transform | None:
+        """Where the robot knows it was last, where it keeps that."""
+        known = self.recollection.observations if self.recollection is not None else []
+        return known[-1].T_map_base if known else None
 
     def fail(self, error: PluginError | MapError, stamp_ns: int) -> None:
         """End this robot's part in the run, and say why; what stands in its map stays."""

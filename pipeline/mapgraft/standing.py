@@ -9,8 +9,10 @@ from typing import Final
 from mapgraft.attempt import Attempts, Grafted, Meeting
 from mapgraft.contracts import MapMetadata, Observation, Region, Sample, Verdict
 from mapgraft.errors import MapError, PluginError
+from mapgraft.events import Kind
 from mapgraft.exchange import Offer, SentLayer
 from mapgraft.graph.claims import Source
+from mapgraft.graph.held import Layers
 from mapgraft.history import Journal, Moment
 from mapgraft.merge import Merge
 from mapgraft.own_map import OwnMap
@@ -114,6 +116,30 @@ class Standing:
         except PluginError as error:
             self.complain(error, stamp_ns, merge.donor, merge=merge)
 
+    def remapped(self, layers: Layers, stamp_ns: int) -> None:
+        """The receiver has mapped anew: fuse every donor anew, where it lies best now, and test it from the start."""
+        for merge in self.all:
+            try:
+                merge.restart(stamp_ns)
+                self._fuse_anew(merge, layers, stamp_ns)
+            except MapError as error:
+                self.journal.changed("verified", stamp_ns, merge, f"it is left as it was: {error}", "correction")
+            except PluginError as error:
+                self._unverifiable(merge, stamp_ns, error)
+
+    def _fuse_anew(self, merge: Merge, layers: Layers, stamp_ns: int) -> None:
+        sent = layers.sent(Source(merge.provenance.source, merge.provenance.epoch))
+        meeting = merge.meeting
+        if sent is not None and sent.provenance == merge.provenance:
+            meeting = self.attempts.meet(merge.tools, self.own.receive(sent))
+        if meeting is None:
+            self.verify(merge, stamp_ns, everything=True, tell=True)
+            return
+        move = self._find_move(merge, meeting, anyway=True)
+        grafted = self.attempts.graft(merge.tools, meeting, move.match if move else merge.match)
+        said = f"the own map was corrected; {move.reason if move else 'it stays where it is'}"
+        self._swap(merge, grafted, said, "correction", stamp_ns)
+
     def _register(self, merge: Merge, stamp_ns: int) -> None:
         """Find out whether both maps, as they are now, tell a better transform, and put it in the place of the old."""
         by, move = merge.tools.procedure.match.use, None
@@ -128,8 +154,8 @@ class Standing:
         except PluginError as error:
             self.complain(error, stamp_ns, merge.donor, merge=merge)
 
-    def _find_move(self, merge: Merge, meeting: Meeting) -> Move | None:
-        if not merge.may_move or not merge.has_grown(meeting):
+    def _find_move(self, merge: Merge, meeting: Meeting, anyway: bool = False) -> Move | None:
+        if not merge.may_move or not (merge.has_grown(meeting) or anyway):
             return None
         if self.workshop.out_of_order(merge.tools.rule, self.own.map_type.name, meeting.donor_type):
             return None
@@ -148,7 +174,8 @@ class Standing:
             self.reversal.replace(merge.merge_id, grafted.contribution)
         merge.replace(grafted)
         self.changes += 1
-        self.journal.changed("updated", stamp_ns, merge, reason, by, size=size)
+        kind: Kind = "updated" if merge.chain is None else "reattached"
+        self.journal.changed(kind, stamp_ns, merge, reason, by, size=size)
         self.verify(merge, stamp_ns, everything=True, tell=True)
 
     def verify(self, merge: Merge, stamp_ns: int, everything: bool = False, tell: bool = False) -> None:

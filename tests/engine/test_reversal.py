@@ -11,7 +11,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mapgraft.contracts import Contribution, Observation, Provenance, ReversalError, Transform
-from mapgraft.reversal import SingleMap, new_reversal
+from mapgraft.reversal import Reversal, SingleMap, new_reversal
 
 EXACT = ("ledger", "multi_map")
 DONORS = ("bravo", "charlie", "delta")
@@ -35,6 +35,17 @@ def contribution(donor: str, version: int, balance: Balance) -> Contribution:
     return Contribution(Provenance(donor, 1, version), layer, T, 1.0, "none", None, None, Beacons().region(layer))
 
 
+def remap(reversal: Reversal, balances: Collection[Balance]) -> None:
+    """Put these observations in the place of all that were made before."""
+    map_type, before = Beacons(), reversal.version
+    layer = map_type.new_layer()
+    touched = map_type.region(layer)
+    for balance in balances:
+        touched = touched.union(map_type.integrate(layer, observation(balance)))
+    reversal.remap(layer, touched)
+    assert reversal.version == before + 1
+
+
 def total(balances: Iterable[Balance]) -> dict[int, int]:
     """The sums that are not zero."""
     out: Counter[int] = Counter()
@@ -49,6 +60,7 @@ STEPS = st.lists(
         st.tuples(st.just("merge"), st.sampled_from(DONORS), GIVEN),
         st.tuples(st.just("replace"), st.sampled_from(DONORS), GIVEN),
         st.tuples(st.just("revert"), st.sampled_from(DONORS)),
+        st.tuples(st.just("remap"), st.lists(HEARD, max_size=3)),
         st.tuples(st.just("look")),
     ),
     max_size=25,
@@ -74,6 +86,9 @@ def test_any_interleaving_ends_with_the_layers_that_are_left(name, steps):
         elif what == "revert" and given_[0] in left:
             assert reversal.revert(given_[0]).exact
             del left[given_[0]]
+        elif what == "remap":
+            remap(reversal, given_[0])
+            own = list(given_[0])
         elif what == "look":
             reversal.fused()
     assert dict(reversal.own().counts) == total(own)

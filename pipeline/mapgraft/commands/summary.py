@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from mapgraft.console import cell, results
-from mapgraft.events import Event
+from mapgraft.events import Event, Snapshot
 from mapgraft.job import Result
 from mapgraft.outputs.run_folder import REPORT
 
@@ -60,7 +60,7 @@ def as_json_summary(result: Result) -> dict[str, Any]:
         "standing": sorted(result.standing),
         "attached": {merge_id: list(event.through) for merge_id, event in sorted(result.attached.items())},
         "robots": {
-            name: {"observations": snapshot.version, "known_area_m2": snapshot.metadata.known_area_m2}
+            name: {"observations": _observations(result, snapshot), "known_area_m2": snapshot.metadata.known_area_m2}
             for name, snapshot in sorted(result.maps.items())
         },
         "bytes": [
@@ -120,12 +120,18 @@ def _robot_table(result: Result) -> Table:
         received = sum(size for (_, receiver), size in result.traffic.items() if receiver == name)
         table.add_row(
             cell(name),
-            f"{snapshot.version:,}",
+            f"{_observations(result, snapshot):,}",
             f"{snapshot.metadata.known_area_m2:,.0f} m²",
             f"{received / 1000:,.0f} kB",
             cell(", ".join(sorted(donors)) or "nobody"),
         )
     return table
+
+
+def _observations(result: Result, snapshot: Snapshot) -> int:
+    """How many a map holds: its version rises with each, and when the robot maps anew."""
+    anew = sum(event.kind == "corrected" and event.receiver == snapshot.robot for event in result.events)
+    return snapshot.version - anew
 
 
 def _decisive(events: Sequence[Event]) -> Event:

@@ -13,6 +13,7 @@ from typing import Final, Self
 from mapgraft.config import Config
 from mapgraft.contracts import Observation, RecordingError, Signal, Transform
 from mapgraft.contracts.sources import Fault, ReadFaults
+from mapgraft.correction import Correction
 from mapgraft.guard import Guard
 from mapgraft.plugins import Plugins
 from mapgraft.recording.poses.frames import Drift
@@ -25,6 +26,7 @@ from mapgraft.recording.robots.plan import RobotPlan
 from mapgraft.recording.robots.roster import MapFile, Roster, call_roll
 from mapgraft.recording.robots.worlds import known_world
 from mapgraft.recording.smear import odometry_plan
+from mapgraft.recording.timeline.corrections import corrections
 from mapgraft.recording.timeline.intake import Limits
 from mapgraft.recording.timeline.shifts import shifts
 from mapgraft.recording.timeline.stream import Member, Stream
@@ -42,7 +44,8 @@ class RobotSource:
     ``source`` is its name as discovered; ``kinds`` are the payload kinds it observes; ``poses`` says in words where its
     poses come from and ``drift`` how such poses err. ``start_ns`` and ``end_ns`` are its first and last recorded
     stamps, ``shift_ns`` is added to them on the timeline. ``count`` is the number of recorded payloads (in a
-    window, its share of them by time), None where only reading could tell.
+    window, its share of them by time), None where only reading could tell. ``corrections`` is the topic on which it
+    tells anew where it was, empty where it has none.
     """
 
     name: str
@@ -60,6 +63,7 @@ class RobotSource:
     shift_ns: int
     count: int | None
     remarks: tuple[str, ...]
+    corrections: str = ""
 
 
 STRING: Final = "std_msgs/msg/String"
@@ -141,6 +145,15 @@ class Mission:
         a file cannot be read any more.
         """
         return self._observations(self._limits())
+
+    def timeline(self) -> Iterator[Observation | Correction]:
+        """As ``observations``, with the robots' corrections of their own poses between them, each when it was told."""
+        observations, limits = self.observations(), self._limits()
+        told: list[Iterator[Observation | Correction]] = [
+            corrections(plan, self._shifts[plan.name], self._anchors.get(plan.name), limits, self._faults)
+            for plan in self._plans
+        ]
+        return heapq.merge(observations, *told, key=lambda entry: entry.stamp_ns)
 
     def places(self) -> Iterator[Observation]:
         """The observations without their payloads: when and where they were made; quicker."""
@@ -309,6 +322,7 @@ def _described(plan: RobotPlan, shift_ns: int) -> RobotSource:
         shift_ns=shift_ns + plan.clock_offset_ns,
         count=None if None in counts else sum(count or 0 for count in counts),
         remarks=plan.remarks,
+        corrections="" if plan.corrections is None else plan.corrections.topic,
     )
 
 

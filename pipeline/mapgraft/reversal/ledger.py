@@ -16,6 +16,7 @@ class Ledger:
 
     name: Literal["ledger"] = "ledger"
     exact = True
+    mixed = False
     subject: Literal["own"] = "own"
 
     def __init__(self, map_type: MapType) -> None:
@@ -33,6 +34,16 @@ class Ledger:
         if self._own.is_made or self._fused.is_made:
             self._untold.add(touched)
         return touched
+
+    def remap(self, layer: Layer, touched: Region) -> None:
+        own, fused = LazyView(self._map_type), LazyView(self._map_type)
+        if self._contributions:
+            fused.advance(layer, tuple(self._contributions.values()), ())
+        else:
+            own.advance(layer, (), ())
+        self._layer, self._own, self._fused = layer, own, fused
+        self._untold.clear()
+        self.version += 1
 
     def merge(self, merge_id: str, contribution: Contribution) -> None:
         if merge_id in self._contributions:

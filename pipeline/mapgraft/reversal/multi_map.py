@@ -29,6 +29,7 @@ class MultiMap:
 
     name: Literal["multi_map"] = "multi_map"
     exact = True
+    mixed = False
     subject: Literal["own"] = "own"
 
     def __init__(self, map_type: MapType) -> None:
@@ -45,6 +46,17 @@ class MultiMap:
         for level in self._levels:
             level.view.touch(self._map_type.integrate(level.layer, observation))
         return touched
+
+    def remap(self, layer: Layer, touched: Region) -> None:
+        before, self._layer = self._layer, layer
+        try:
+            if self._levels:
+                self._rebuild_from(0, self._levels[0].contribution)
+        except BaseException:
+            self._layer = before
+            raise
+        self._own = LazyView(self._map_type)
+        self.version += 1
 
     def merge(self, merge_id: str, contribution: Contribution) -> None:
         if any(level.merge_id == merge_id for level in self._levels):

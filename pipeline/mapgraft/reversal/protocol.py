@@ -16,8 +16,13 @@ class Reversal(Protocol):
     @property
     def exact(self) -> bool: ...
     @property
+    def mixed(self) -> bool:
+        """Whether own evidence can no longer be told from that of others."""
+        ...
+
+    @property
     def version(self) -> int:
-        """How many own observations there were."""
+        """How new the own evidence is: rises with every own observation, and when all of it is mapped anew."""
         ...
 
     @property
@@ -27,6 +32,14 @@ class Reversal(Protocol):
 
     def observe(self, observation: Observation) -> Region:
         """Integrate an own observation; returns what it touched."""
+        ...
+
+    def remap(self, layer: Layer, touched: Region) -> None:
+        """Put other evidence in the place of the robot's own: the same observations, but at other places.
+
+        ``touched`` are the units that these have touched. What is merged stays. Raises ReversalError where own evidence
+        cannot be told from others'. What the map type raises comes through, and then nothing has changed.
+        """
         ...
 
     def merge(self, merge_id: str, contribution: Contribution) -> None:
@@ -75,5 +88,5 @@ class Reversal(Protocol):
 
     @property
     def offered_version(self) -> int:
-        """How many own observations the offered layer holds."""
+        """The version of the offered layer, which is not always the latest."""
         ...

@@ -38,6 +38,20 @@ class SingleMap:
         self._view.touch(touched)
         return touched
 
+    @property
+    def mixed(self) -> bool:
+        return self._before is not None
+
+    def remap(self, layer: Layer, touched: Region) -> None:
+        if self.mixed:
+            raise ReversalError(
+                "a single map into which others were merged cannot be mapped anew: use the reversal ledger or multi_map"
+            )
+        self._layer, self._view = layer, LazyView(self._map_type)
+        self._updated.clear()
+        self._updated.add(touched)
+        self.version += 1
+
     def merge(self, merge_id: str, contribution: Contribution) -> None:
         if merge_id in self._foreign:
             raise ReversalError(f"merge {merge_id} is already in the map: revert it first")

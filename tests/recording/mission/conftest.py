@@ -102,6 +102,13 @@ class Recorder:
         message = T["geometry_msgs/msg/PoseStamped"](header=self._header(t_s, frame), pose=_pose(x, y, yaw))
         self._add(t_s, topic, message)
 
+    def path_of(
+        self, poses: Mapping[float, tuple[float, float, float]], frame: str, log_s: float, topic: str = "/path"
+    ) -> None:
+        stamped = T["geometry_msgs/msg/PoseStamped"]
+        told = [stamped(header=self._header(t_s, frame), pose=_pose(*pose)) for t_s, pose in poses.items()]
+        self._add(log_s, topic, T["nav_msgs/msg/Path"](header=self._header(log_s, frame), poses=told))
+
     def grid(self, t_s: float, topic: str = "/map", frame: str = "map", cells: Sequence[int] = (0, 100, -1, 0)) -> None:
         header = self._header(t_s, frame)
         info = T["nav_msgs/msg/MapMetaData"](

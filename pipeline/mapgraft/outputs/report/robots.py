@@ -11,11 +11,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mapgraft.events import Event
 from mapgraft.outputs.report.folder import FinishedRun
 from mapgraft.outputs.report.gallery import Gallery
 from mapgraft.outputs.report.paintings import fused_picture, map_picture
 from mapgraft.outputs.report.rasters import Canvas
-from mapgraft.outputs.report.words import count, number, short
+from mapgraft.outputs.report.words import Clock, count, number, short
 from mapgraft.pages import Picture
 
 _MOST_PICTURED: Final = 16  # robots
@@ -45,6 +46,23 @@ def robot_cards(
         _card(run, name, told, rows.get(name, {}), gallery, (donors.get(name, []), attached.get(name, [])), n)
         for n, (name, told) in enumerate(run.summary["robots"].items())
     ]
+
+
+def corrections(decisions: Sequence[Event], clock: Clock) -> list[str]:
+    """Sentences on the robots that learnt where they had been, one per robot."""
+    told: dict[str, list[Event]] = {}
+    for event in decisions:
+        if event.kind == "corrected":
+            told.setdefault(event.receiver, []).append(event)
+    return [
+        f"{name} learnt where it had been and mapped anew{_times(events)} at {clock.at(events[-1].stamp_ns)}: "
+        f"{events[-1].reason}."
+        for name, events in sorted(told.items())
+    ]
+
+
+def _times(events: Sequence[Event]) -> str:
+    return "" if len(events) == 1 else f", {len(events):,} times, the last time"
 
 
 def _card(

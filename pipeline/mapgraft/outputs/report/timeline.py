@@ -66,7 +66,8 @@ def timeline(decisions: Sequence[Event], clock: Clock, anchors: Mapping[str, str
     """``anchors`` is where on the page a merge is told, by its id."""
     by_pair: dict[tuple[str, str], list[Event]] = {}
     for event in decisions:
-        by_pair.setdefault((event.receiver, event.donor), []).append(event)
+        if event.donor:
+            by_pair.setdefault((event.receiver, event.donor), []).append(event)
     merged = {pair for pair, events in by_pair.items() if any(event.kind == "merged" for event in events)}
     pairs = sorted(by_pair, key=lambda pair: (pair not in merged, pair))
     shown = sorted(pairs[:_MOST_ROWS])

@@ -26,6 +26,7 @@ TONES: Final[dict[str, str]] = {
     "unattached": "none",
     "disputed": "doubt",
     "disbelieved": "doubt",
+    "corrected": "none",
     "failed": "doubt",
     "provisional": "wait",
 }
@@ -167,5 +168,6 @@ def happened(kind: Kind) -> str:
         "unattached": "Not attached",
         "disputed": "In dispute",
         "disbelieved": "No longer believed",
+        "corrected": "Corrected",
         "failed": "Failed",
     }[kind]

@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 from mapgraft.config import ClockName, RobotConfig, WindowConfig
 from mapgraft.contracts import GRID_MESSAGE, ConfigError
-from mapgraft.recording.robots.choice import PosePlan, choose_poses
+from mapgraft.contracts.sources import Source
+from mapgraft.recording.robots.choice import PATH, PosePlan, choose_poses
 from mapgraft.recording.robots.clocks import INDEX_STEP_NS, Clock, Range, Times, times_of
 from mapgraft.recording.robots.discovery import FoundRobot
 from mapgraft.recording.robots.glimpse import Glimpse, SeenPayload, times_between
@@ -29,6 +30,13 @@ class Window(NamedTuple):
 
     def holds(self, time_ns: int) -> bool:
         return self.from_ns <= time_ns and (self.until_ns is None or time_ns < self.until_ns)
+
+
+class CorrectionTopic(NamedTuple):
+    """Where a robot tells anew where it was."""
+
+    source: Source
+    topic: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +61,7 @@ class RobotPlan:
     clock_offset_ns: int
     source: str
     remarks: tuple[str, ...] = field(default=())
+    corrections: CorrectionTopic | None = None
 
     @property
     def ready_maps(self) -> bool:
@@ -67,6 +76,8 @@ class RobotPlan:
             if poses.method == "tree":
                 topics |= {tf.topic for tf in poses.tree.own}
                 topics |= {poses.topic.topic} if poses.topic is not None and not poses.from_file else set()
+        if self.corrections is not None and self.corrections.source.path == path:
+            topics.add(self.corrections.topic)
         if self.pose_file is not None and self.pose_file.source.path == path and poses.method == "tree":
             topics |= {tf.topic for tf in poses.tree.other}
             topics |= {poses.topic.topic} if poses.topic is not None and poses.from_file else set()
@@ -105,6 +116,7 @@ def plan_robot(
     range_ = _range(glimpses, used, times, window, payloads)
     if range_ is None:
         return Unmappable(name, f"nothing on {_topics(used)} lies in its window")
+    corrections = _corrections(name, [*glimpses, *filter(None, [pose_file])], times, config.poses.corrections)
     offset_ns = round((config.clock_offset_s or 0.0) * S)
     return RobotPlan(
         name,
@@ -121,7 +133,26 @@ def plan_robot(
         clock_offset_ns=offset_ns,
         source=config.source or found[0].name,
         remarks=(*remarks, *poses.remarks, *times.remarks()),
+        corrections=corrections,
     )
+
+
+def _corrections(name: str, glimpses: Sequence[Glimpse], times: Times, topic: str | None) -> CorrectionTopic | None:
+    """The topic that ``poses.corrections`` names; raises ConfigError when it cannot be used."""
+    if topic is None:
+        return None
+    where = f"robots.{name}.poses.corrections"
+    paths = [(g.source, c) for g in glimpses for c in g.source.channels if c.message_type == PATH and c.decodable]
+    found = next((CorrectionTopic(source, c.topic) for source, c in paths if c.topic == topic), None)
+    if found is None:
+        there = ", ".join(sorted({c.topic for _, c in paths})) or "none"
+        raise ConfigError(f"{where}: there is no topic {topic!r} of type {PATH}: the recording has {there}")
+    if times.clock != "header":
+        raise ConfigError(
+            f"{where}: corrected poses are told by stamps, but what tells the time of {name}'s scans is their "
+            f"{'order' if times.clock == 'index' else 'time of recording'}: leave the corrections out"
+        )
+    return found
 
 
 class _Choice(NamedTuple):
