@@ -81,7 +81,7 @@ class OwnMap:
         donors = {merge.donor: merge.comparison for merge in merges}
         try:
             with self.asking():
-                self.journal.snapshot(
+                snapshot = self.journal.snapshot(
                     why,
                     stamp_ns,
                     self.own_metadata,
@@ -91,4 +91,6 @@ class OwnMap:
                 )
         except (FailedPluginError, MapError) as error:  # its evidence is as it was
             return error
+        if snapshot is not None:  # what writing it costs, or meets, is not the map type's affair
+            self.journal.mapped(snapshot)
         return None

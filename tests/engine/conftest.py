@@ -8,8 +8,10 @@ from collections.abc import Callable
 import beacons as beacon_plugin
 import pytest
 
+from mapgraft.config import LimitsConfig
 from mapgraft.contracts import Meeting, Observation, Situation, Transform
 from mapgraft.decision import build_table
+from mapgraft.guard import Guard
 from mapgraft.history import History, Journal
 from mapgraft.outputs.memory_sink import MemorySink
 from mapgraft.persons import Hand
@@ -54,11 +56,12 @@ def hear() -> Hear:
 
 @pytest.fixture
 def play(plugins, hear):
-    """Replays tuples (second, robot, places…) and gives back the memory and the robots."""
+    """Replays tuples (second, robot, places…), with plugins in their time, and gives back the memory and the robots."""
 
-    def run(*observations, meet=(), reversal="ledger", hand=None, rules=None, spacing_m=1.0):
+    def run(*observations, meet=(), reversal="ledger", hand=None, rules=None, spacing_m=1.0, limits=None):
         memory = MemorySink()
-        history, workshop, table = History(memory), Workshop(plugins), build_table(plugins, rules)
+        workshop = Workshop(plugins, guard=Guard(limits or LimitsConfig()))
+        history, table = History(memory), build_table(plugins, rules)
         robots = {}
         for name in sorted({robot for _, robot, *_ in observations}):
             map_type = beacon_plugin.Beacons(spacing_m=spacing_m)
@@ -67,7 +70,8 @@ def play(plugins, hear):
             robots[name] = Robot(name, map_type, kept, table, workshop, hand or Hand(), journal)
         stream = [hear(robot, *at, stamp_ns=second * SECOND) for second, robot, *at in observations]
         exchange = Exchange(At(*meet), robots)
-        assert replay(stream, robots, exchange, memory) == len(stream)
+        with workshop.guard.armed():
+            assert replay(stream, robots, exchange, memory) == len(stream)
         return memory, robots, exchange
 
     return run

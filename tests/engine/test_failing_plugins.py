@@ -13,8 +13,9 @@ import pytest
 
 from mapgraft.config import LimitsConfig
 from mapgraft.contracts import Contribution, Decision, Finding, Match, Measurement, Provenance, Transform, Verdict
-from mapgraft.errors import FailedPluginError, MapError
+from mapgraft.errors import FailedPluginError, MapError, OutputError
 from mapgraft.guard import Guard
+from mapgraft.outputs.memory_sink import MemorySink
 
 ALIKE = ((0, "alpha", 0, 2, 5), (0, "bravo", 10, 12, 15))
 LATER = (2, "alpha", 5)
@@ -244,6 +245,30 @@ def test_what_a_map_type_refuses_is_left_out_and_counted(play, monkeypatch):
     assert sentence == (
         "alpha: 1 observations did not enter the map; the first, at 2.000 s: a beacon at 9 is too far away"
     )
+
+
+def test_a_sink_that_fails_is_not_the_map_types_fault(play, monkeypatch):
+    def full(self, snapshot):
+        raise OutputError("the disk is full")
+
+    monkeypatch.setattr(MemorySink, "mapped", full)
+    with pytest.raises(OutputError, match="^the disk is full$"):
+        play(*ALIKE, LATER, meet=(1,))
+
+
+def test_what_a_sink_takes_is_not_the_map_types_time(play, monkeypatch):
+    mapped = MemorySink.mapped
+
+    def slow(self, snapshot):
+        until = time.monotonic() + 4 * SHORT.plugin_s
+        while time.monotonic() < until:
+            pass
+        mapped(self, snapshot)
+
+    monkeypatch.setattr(MemorySink, "mapped", slow)
+    memory, _, _ = play(*ALIKE, LATER, meet=(1,), limits=SHORT)
+    assert not failures(memory)
+    assert [snapshot.why for snapshot in memory.snapshots if snapshot.robot == "alpha"][-1] == "end"
 
 
 def _forever() -> None:
