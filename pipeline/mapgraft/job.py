@@ -22,6 +22,7 @@ from mapgraft.contracts import Observation
 from mapgraft.decision import DecisionTable, build_table
 from mapgraft.errors import PluginError, RecordingError, UsageError
 from mapgraft.events import Event, Sink, Snapshot
+from mapgraft.failures import failure_sentences
 from mapgraft.outputs.provenance import InputFile, RunProvenance, run_id_of
 from mapgraft.plugins import Plugins, load_plugins
 from mapgraft.remember import MISSION_FILE, essence_text, inputs_of, remembered_text
@@ -43,7 +44,7 @@ class Result:
     ``maps`` holds every robot's last snapshot: ``maps["alpha"].fused.dense()`` for a grid. ``traffic`` counts bytes per
     (donor, receiver). ``start_ns`` is the mission's first stamp. ``lost`` says in sentences what of the files could
     not be read and which observations could not be used, and why; ``remarks`` what was noticed about the robots'
-    sources, such as a map file that is probably not meant as it says. ``ledgers`` holds what ``verify_ledger`` found
+    sources, such as a map file that is probably not meant as it says; ``failed`` which plugins failed. ``ledgers`` holds what ``verify_ledger`` found
     out, one finding per robot.
     """
 
@@ -56,6 +57,7 @@ class Result:
     start_ns: int = 0
     lost: Sequence[str] = ()
     remarks: Sequence[str] = ()
+    failed: Sequence[str] = ()
     ledgers: Sequence[Finding] = ()
 
     @property
@@ -143,7 +145,8 @@ def run(
         if out is not None:
             output = checked.output
             folder = RunFolder(Path(out), stem(paths[0]), run_id, provenance, output.scans, output.report)
-            fan.sinks.insert(0, stack.enter_context(folder))  # what anybody else hears of is on disk
+            stack.push(folder)  # before it is opened: Ctrl-C in between would leave a recording without an end
+            fan.sinks.insert(0, folder.open())  # what anybody else hears of is on disk
             folder.keep(MISSION_FILE, remembered_text(paths, checked).encode())
         if opened is not None:
             opened(*_span_of(mission, checked))
@@ -151,10 +154,11 @@ def run(
             count = _replayed(mission, assembly, fan, watch)
         lost, missing = _lost(mission, assembly), losses(mission)  # before the files are read once more
         remarks = tuple(_remarks(mission, assembly))
+        failed = tuple(failure_sentences(assembly.history.events, assembly.exchange.guard, mission.start_ns))
         ledgers = _audited(mission, assembly, checked, plugins) if verify_ledger else []
         if folder is not None:
             _tell_costs(folder, watch, assembly.exchange.traffic.sent)
-            folder.noticed((*remarks, *lost))
+            folder.noticed((*remarks, *failed, *lost))
             folder.lost([asdict(loss) for loss in missing])
             folder.audited([asdict(finding) for finding in ledgers])
             folder.finish()
@@ -168,6 +172,7 @@ def run(
             start_ns=mission.start_ns,
             lost=(*lost, *(folder.unshown if folder else ())),
             remarks=(*remarks, *(folder.unfinished if folder else ())),
+            failed=failed,
             ledgers=tuple(ledgers),
         )
 

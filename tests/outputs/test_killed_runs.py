@@ -163,7 +163,7 @@ def test_killed_again_and_again_it_keeps_what_got_farthest(stories: Path, tmp_pa
 
 
 def test_what_an_unfinished_run_of_other_content_decided_stays_and_is_told(tmp_path: Path) -> None:
-    sink = RunFolder(tmp_path, "demo", "r1", provenance())
+    sink = RunFolder(tmp_path, "demo", "r1", provenance()).open()
     tell(sink, list(told())[:900])
     sink.abort()
     assert (tmp_path / "events/run_id=r1/.part-00000.parquet.partial").exists()
@@ -184,7 +184,7 @@ def test_what_an_unfinished_run_of_other_content_decided_stays_and_is_told(tmp_p
 @pytest.mark.parametrize("rest", [b"", b"\x89MCAP0\r\n", bytes(5000)])
 def test_a_rest_that_tells_nothing_goes(tmp_path: Path, rest: bytes) -> None:
     (tmp_path / f"{MCAP}{SUFFIX}").write_bytes(rest)
-    RunFolder(tmp_path, "demo", "r1", provenance()).finish()
+    RunFolder(tmp_path, "demo", "r1", provenance()).open().finish()
     assert not list(tmp_path.rglob(f"*{SUFFIX}"))
 
 
@@ -204,7 +204,7 @@ def test_a_journal_of_somebody_else_is_refused(tmp_path: Path) -> None:
         with pytest.raises(OutputError, match="is not what a run writes there: remove it"):
             settled(out)
         with pytest.raises(OutputError, match="is not what a run writes there: remove it"):
-            RunFolder(out, "demo", "r1", provenance())
+            RunFolder(out, "demo", "r1", provenance()).open()
     assert victim.read_text() == "mine"
 
 

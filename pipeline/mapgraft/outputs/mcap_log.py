@@ -65,7 +65,7 @@ class McapLog:
         self._writer.add_metadata("merge_schema", {"version": VERSION})
         self._attach("config.yaml", "application/yaml", provenance.config_text)
         self._attach("decision_table.yaml", "application/yaml", provenance.decision_table_text)
-        self.durable = 0  # bytes of the stream that are on disk and end with a whole record
+        self.durable, self.ended = 0, False  # bytes on disk that end with a whole record; whether that is the last one
         self.flush()
 
     def went_on(self, paths: Sequence[Path], events: Sequence[tuple[int, Event]] = ()) -> None:
@@ -155,7 +155,7 @@ class McapLog:
         self._attach("layout.json", "application/json", layout)
         self._writer.finish()
         sync(self._stream)
-        self.durable = self._stream.tell()
+        self.durable, self.ended = self._stream.tell(), True
         return layout.encode()
 
     def _map(

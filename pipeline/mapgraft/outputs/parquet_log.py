@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 
 from mapgraft.events import Event, Snapshot
 from mapgraft.outputs.provenance import InputFile
-from mapgraft.outputs.staging import Staging, sha256_of, sync, writing
+from mapgraft.outputs.staging import Staging, close_quietly, sha256_of, sync, writing
 from mapgraft.outputs.tables import Row, events_table, metrics_table, recordings_table, rows_table, snapshot_row
 from mapgraft_schemas import arrow_schema, table
 
@@ -45,22 +45,26 @@ class PartWriter:
         self._group_rows, self._digits = group_rows, digits
         self._folder, self._staging = f"{name}/run_id={run_id}", staging
         self._name = f"{self._folder}/{UNTITLED.replace('.parquet', f'{writer}.parquet')}"
-        self._stream = staging.create(self._name)
+        self._waiting: list[pa.Table] = []
+        self._rows = self._bytes = 0
         schema = arrow_schema(name)  # run_id is told by the folder; as a column it would clash with the partition
         self._schema = schema.with_metadata({**schema.metadata, "run_id": run_id})
         columns = [column.name for column in table(name).columns]
-        self._writer = pq.ParquetWriter(
-            self._stream,
-            self._schema,
-            version="2.6",
-            compression="zstd",
-            compression_level=3,
-            use_dictionary=[c.name for c in table(name).columns if c.type == "dictionary<string>"],
-            write_page_index=True,
-            sorting_columns=[pq.SortingColumn(columns.index(column)) for column in table(name).sorted_by],
-        )
-        self._waiting: list[pa.Table] = []
-        self._rows = self._bytes = 0
+        self._stream = staging.create(self._name)
+        try:
+            self._writer = pq.ParquetWriter(
+                self._stream,
+                self._schema,
+                version="2.6",
+                compression="zstd",
+                compression_level=3,
+                use_dictionary=[c.name for c in table(name).columns if c.type == "dictionary<string>"],
+                write_page_index=True,
+                sorting_columns=[pq.SortingColumn(columns.index(column)) for column in table(name).sorted_by],
+            )
+        except BaseException:
+            close_quietly(self._stream)
+            raise
 
     def append(self, rows: pa.Table) -> None:
         """Take rows of the table's schema; writes a row group when enough have come together."""
@@ -84,8 +88,7 @@ class PartWriter:
         """Let go of a part that could not be written."""
         with suppress(OSError):
             self._writer.close()
-        with suppress(OSError):
-            self._stream.close()
+        close_quietly(self._stream)
 
     def _write_group(self) -> None:
         rows = pa.concat_tables(self._waiting).unify_dictionaries().combine_chunks()
@@ -99,11 +102,17 @@ class ParquetLog:
 
     def __init__(self, staging: Staging, run_id: str) -> None:
         self._staging, self._run_id = staging, run_id
-        self._parts = {name: PartWriter(staging, name, run_id) for name in WRITTEN}
         self._events: list[Event] = []
         self._timings: list[Row] = []
         self._digests: set[str] = set()
         self._snapshots = 0
+        self._parts: dict[str, PartWriter] = {}
+        try:
+            for name in WRITTEN:
+                self._parts[name] = PartWriter(staging, name, run_id)
+        except BaseException:
+            self.abandon()
+            raise
 
     def happened(self, event: Event) -> None:
         self._events.append(event)
