@@ -44,8 +44,8 @@ class Result:
     ``maps`` holds every robot's last snapshot: ``maps["alpha"].fused.dense()`` for a grid. ``traffic`` counts bytes per
     (donor, receiver). ``start_ns`` is the mission's first stamp. ``lost`` says in sentences what of the files could
     not be read and which observations could not be used, and why; ``remarks`` what was noticed about the robots'
-    sources, such as a map file that is probably not meant as it says; ``failed`` which plugins failed. ``ledgers`` holds what ``verify_ledger`` found
-    out, one finding per robot.
+    sources, such as a map file that is probably not meant as it says; ``failed`` which plugins failed. ``ledgers``
+    holds what ``verify_ledger`` found out, one finding per robot.
     """
 
     run_id: str

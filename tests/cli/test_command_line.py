@@ -63,6 +63,20 @@ def test_run_tells_the_demos_story(demo_out, capsys):
     assert "merges standing" in out
 
 
+def test_plugins_that_failed_are_told_of_at_the_end(tmp_path, monkeypatch, capsys):
+    def broken(*_):
+        raise IndexError("boom")
+
+    monkeypatch.setattr("mapgraft_grid.correlation.Correlation.match", broken)
+    code, out, _ = said(capsys, "run", "-q", "--end", "40", "--no-report", "-o", str(tmp_path / "out"))
+    told = " ".join(out.split())
+    assert code == 0
+    assert "the matcher 'correlation' failed: IndexError: boom (3 times, the first at 30.0 s, alpha ← bravo)" in told
+    assert "the matcher 'correlation' failed 3 times (limits.failures) and is not asked again" in told
+    remarks = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["remarks"]
+    assert any("IndexError: boom (3 times" in sentence for sentence in remarks)
+
+
 def test_run_as_json(tmp_path, capsys):
     code, out, _ = said(capsys, "run", "--json", "-o", str(tmp_path / "out"), "--end", "60")
     document = json.loads(out)

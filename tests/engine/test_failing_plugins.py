@@ -14,6 +14,7 @@ import pytest
 from mapgraft.config import LimitsConfig
 from mapgraft.contracts import Contribution, Decision, Finding, Match, Measurement, Provenance, Transform, Verdict
 from mapgraft.errors import FailedPluginError, MapError, OutputError
+from mapgraft.failures import failure_sentences
 from mapgraft.guard import Guard
 from mapgraft.outputs.memory_sink import MemorySink
 
@@ -243,8 +244,19 @@ def test_what_a_map_type_refuses_is_left_out_and_counted(play, monkeypatch):
     assert dict(robots["alpha"].reversal.own().counts) == {1: 1, 2: 1}
     (sentence,) = robots["alpha"].left_out.sentences("alpha")
     assert sentence == (
-        "alpha: 1 observations did not enter the map; the first, at 2.000 s: a beacon at 9 is too far away"
+        "alpha: 1 observation did not enter the map; the first, at 2.000 s: a beacon at 9 is too far away"
     )
+
+
+def test_a_person_is_told_once_per_failure_with_the_number_and_the_first_place(play, monkeypatch):
+    broken(monkeypatch, "Slide", "match", IndexError("boom"))
+    memory, robots, _ = play(*ALIKE, (2, "alpha", 5), (3, "bravo", 12), (4, "alpha", 2), meet=(1, 2.5, 3.5))
+    guard = robots["alpha"].workshop.guard
+    assert failure_sentences(memory.events, guard, 0) == [
+        "the matcher 'slide' failed: IndexError: boom (3 times, the first at 1.0 s, alpha ← bravo)",
+        "the matcher 'slide' failed 3 times (limits.failures) and is not asked again",
+    ]
+    assert failure_sentences([event for event in memory.events if event.kind != "failed"], Guard(), 0) == []
 
 
 def test_a_sink_that_fails_is_not_the_map_types_fault(play, monkeypatch):
@@ -252,7 +264,7 @@ def test_a_sink_that_fails_is_not_the_map_types_fault(play, monkeypatch):
         raise OutputError("the disk is full")
 
     monkeypatch.setattr(MemorySink, "mapped", full)
-    with pytest.raises(OutputError, match="^the disk is full$"):
+    with pytest.raises(OutputError, match=r"^the disk is full$"):
         play(*ALIKE, LATER, meet=(1,))
 
 
