@@ -28,9 +28,10 @@ _ROUNDING = 1e-4  # metres or radians
 class Reading:
     """How to read one file's poses into a robot's tree.
 
-    ``replaced`` children are told by someone else. Edges in ``by_log``, or all with ``all_by_log``, are placed at their
-    time of recording plus ``offset_ns``; the stamps of the others are looked at before they are believed if ``judged``.
-    The messages on ``topic`` (empty: none) tell the edge ``pose_edge``.
+    ``replaced`` children are told by someone else; ``chosen`` edges alone count for their child. Edges in ``by_log``, or
+    all with ``all_by_log``, are placed at their time of recording plus ``offset_ns``; the stamps of the others are
+    looked at before they are believed if ``judged``. The messages on ``topic`` (empty: none) tell the edge
+    ``pose_edge``.
     """
 
     tf: tuple[TfTopic, ...]
@@ -42,6 +43,7 @@ class Reading:
     pose_edge: EdgeName = ("", "")
     topic_by_log: bool = False
     judged: bool = True
+    chosen: frozenset[EdgeName] = frozenset()
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -74,6 +76,7 @@ class Feed:
         self._faults = faults
         self._tf = {tf.topic: tf for tf in reading.tf}
         self._names: dict[tuple[str, str, str], EdgeName | None] = {}
+        self._parents = {child: parent for parent, child in reading.chosen}
         self._stamps: dict[EdgeName, _EdgeStamps] = {}
         self._taken = 0
 
@@ -173,7 +176,7 @@ class Feed:
             sentence = f"a transform joins {frame!r} to {child!r}: it is left out"
             self._faults.add("frame_unnamed", sentence, topic=topic)
             return None
-        if name[1] in self._reading.replaced:
+        if name[1] in self._reading.replaced or self._parents.get(name[1], name[0]) != name[0]:
             return None
         if self._buffer.closes_loop(*name):
             when = "" if tf.fixed else f"at {record.stamp_ns / 1e9:.3f} s "
