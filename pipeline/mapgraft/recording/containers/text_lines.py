@@ -37,7 +37,7 @@ def lines(path: Path, faults: ReadFaults, limits: ReadLimits = DEFAULT_LIMITS) -
     number = 0
     try:
         with open_text(path) as file:
-            most = limits.text_bytes(path.stat().st_size) if is_packed(path) else None
+            most = limits.text_bytes(path.stat().st_size) if isinstance(file, gzip.GzipFile) else None
             for number, text in _split(file, most):
                 if text is None:
                     sentence = f"{path.name} unpacks to more than {most:,} bytes: raise limits.expansion if it may"
