@@ -193,7 +193,7 @@ def _lost(mission: Mission, assembly: Assembly) -> list[str]:
     from mapgraft.recording.losses import fault_sentences
 
     refused = [line for name, robot in assembly.robots.items() for line in robot.left_out.sentences(name)]
-    return [*fault_sentences(mission), *mission.tally.sentences(), *refused]
+    return [*fault_sentences(mission.faults), *mission.tally.sentences(), *refused]
 
 
 def _audited(mission: Mission, assembly: Assembly, config: Config, plugins: Plugins) -> list[Finding]:

@@ -143,7 +143,7 @@ def test_robots_with_equal_topics_stay_apart(tmp_path: Path, log: Path) -> None:
         "/slam/trajectory",
     ]
     assert {fault.cause: fault.count for fault in report.faults if fault.topic == "trajectory"} == {
-        "stamp_backward": 1,
+        "lines_out_of_order": 1,
         "message_unconvertible": 1,
     }
     log_times = [log_ns for _, log_ns, _ in read_by_rosbags(tmp_path / "out.mcap")]

@@ -14,6 +14,7 @@ from mapgraft.contracts import Observation, RecordingError, Transform
 from mapgraft.contracts.sources import Fault, ReadFaults
 from mapgraft.guard import Guard
 from mapgraft.plugins import Plugins
+from mapgraft.recording.losses import fault_sentences
 from mapgraft.recording.poses.frames import Drift
 from mapgraft.recording.poses.rigid import Pose7, from_transform, inverse, levelled, to_transform
 from mapgraft.recording.robots.clocks import Clock
@@ -252,14 +253,15 @@ def nothing_found(roster: Roster) -> str:
     """A sentence on why the files hold no robot that can be mapped."""
     reasons = [f"robot {name}: {reason}" for name, reason in roster.unmappable]
     reasons += [sentence for g in roster.glimpses for sentence in g.undecodable]
+    faults = [(g.source.path.name, fault) for g in roster.glimpses for fault in g.source.faults]
+    lost = "".join(f"; {sentence}" for sentence in fault_sentences(faults))
     if reasons:
-        return f"nothing to map: {'; '.join(reasons)}"
+        return f"nothing to map: {'; '.join(reasons)}{lost}"
     held = "; ".join(f"{g.source.path.name} holds {_held(g)}" for g in roster.glimpses) or "no file was given"
-    lost = "".join(f"; {fault.sentence}" for g in roster.glimpses for fault in g.source.faults)
-    return (
-        f"nothing to map: {held}, but no scans and no maps that can be read: record a LaserScan or OccupancyGrid topic"
-        f"{lost}"
-    )
+    if all(channel.count == 0 for g in roster.glimpses for channel in g.source.channels):
+        return f"nothing to map: {held}{lost}"
+    wanted = "no scans and no maps that can be read: record a LaserScan or OccupancyGrid topic"
+    return f"nothing to map: {held}, but {wanted}{lost}"
 
 
 def _held(g: Glimpse) -> str:

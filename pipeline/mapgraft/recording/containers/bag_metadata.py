@@ -41,7 +41,7 @@ def read_layout(folder: Path, faults: ReadFaults) -> BagLayout:
     if len({(_part_name(path), path.suffix) for path in found}) > 1:
         names = ", ".join(path.name for path in found[:4])
         raise RecordingError(f"{folder} holds several recordings ({names}, …) without {METADATA}: name the files")
-    faults.add("metadata_missing", f"{folder} has no usable {METADATA}: its {len(found)} file(s) are read by name")
+    faults.add("metadata_missing", f"the folder has no usable {METADATA}: its {len(found)} file(s) are read by name")
     return BagLayout(tuple(found))
 
 
@@ -54,7 +54,7 @@ def _told(folder: Path, faults: ReadFaults) -> BagLayout | None:
         compression = _compression(folder, information)
     except (_UnusableError, AttributeError, KeyError, TypeError) as error:
         why = error if isinstance(error, _UnusableError) else type(error).__name__
-        faults.add("metadata_damaged", f"{folder / METADATA} cannot be used ({why}): it is left aside")
+        faults.add("metadata_damaged", f"{METADATA} cannot be used ({why}): it is left aside")
         return None
     files = []
     for number, name in enumerate(names):
@@ -62,7 +62,7 @@ def _told(folder: Path, faults: ReadFaults) -> BagLayout | None:
         if path.is_file():
             files.append(path)
         else:
-            faults.add("part_missing", f"{name}, a part of the bag, is not in {folder}", place=number)
+            faults.add("part_missing", f"{name}, a part of the bag, is not in its folder", place=number)
     if not files:
         raise RecordingError(f"no file that {folder / METADATA} names is there ({', '.join(names) or 'none'})")
     return BagLayout(tuple(files), compression)
