@@ -257,6 +257,21 @@ def test_an_event_that_all_heard_brings_recorders_together(record, mission):
         mission([path_a, path_b], common_event="/bell")
 
 
+@pytest.mark.parametrize(("alike", "said"), [(0, "no message"), (1, "only 1 message"), (2, "only 2 messages")])
+def test_an_event_that_too_few_heard_moves_no_clock_and_that_is_said(record, mission, alike, said):
+    paths = []
+    for name, ahead_s in (("a", 0.0), ("b", 3.0)):
+        file = record(name)
+        file.drive(10, from_s=0.0)
+        for k in range(5):
+            file.pose(1.0 + k, "world", float(k) + (0.0 if k < alike else ahead_s), 0.0, 0.0, "/beacon")
+        paths.append(file.write())
+    found = mission(paths, common_event="/beacon")
+    assert all(robot.shift_ns == 0 for robot in found.robots)
+    (remark,) = [r for robot in found.robots for r in robot.remarks if "common_event" in r]
+    assert remark.startswith(f"mission.common_event: {said} on /beacon came to b.mcap as to a.mcap, byte for byte")
+
+
 def test_info_tells_it_all(record, mission):
     path = drive(record(), spoil=lambda k: zero_of(k / 10 + 0.01) if k == 20 else 0.0).write()
     found = survey([path], parse_config({}))
