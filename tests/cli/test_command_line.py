@@ -139,6 +139,10 @@ def test_verdicts_on_what_is_not_there(demo_out, tmp_path, capsys):
     assert wrong(capsys, "revert", str(tmp_path), "a.b.1") == (
         2, f"mapgraft: {tmp_path} is not the folder of a finished run: it has no readable mission.json\n"
     )  # fmt: skip
+    (tmp_path / "mission.json.partial").touch()
+    code, err = wrong(capsys, "revert", str(tmp_path), "a.b.1")
+    assert code == 2
+    assert "is not finished (mission.json.partial is there): wait for it, or run it again" in err
     code, text = wrong(capsys, "revert", str(demo_out), "a.b.1")
     assert code == 2
     assert "has no merge 'a.b.1': it made alpha." in text
