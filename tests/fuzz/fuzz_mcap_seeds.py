@@ -36,16 +36,17 @@ def _bytes(name: str, ros: int = 2) -> bytes:
     return bytes(store.serialize_cdr(made, name) if ros == 2 else store.serialize_ros1(made, name))
 
 
-def _scans(times_s, number: int = 1, data: bytes = b"") -> tuple[Record, ...]:
+def scans_at(times_s, number: int = 1, data: bytes = b"") -> tuple[Record, ...]:
     return tuple(message(number, int(t * S), data or _bytes(LASER)) for t in times_s)
 
 
+LIES = ("size", "small", "huge", "crc", "start", "end", "name")
 HEAD = (Record(HEADER, text("ros2") + text("")), schema(1, LASER), channel(1, 1, "/scan"))
 TF_HEAD = (schema(2, TF), channel(2, 2, "/tf"))
 
 
 def _chunks(compression: str, *spans: tuple[float, ...]) -> list[Record | Chunk]:
-    return [*HEAD, *(Chunk(_scans(times), compression) for times in spans)]
+    return [*HEAD, *(Chunk(scans_at(times), compression) for times in spans)]
 
 
 def mcap_seeds() -> list[bytes]:
@@ -60,15 +61,15 @@ def _attachment(rest: bytes) -> Record:
 
 def _sound() -> list[bytes]:
     """As writers make them, with the messages of both ROS, in chunks and without."""
-    two = (*_scans((1, 2, 3)), *(message(2, int(t * S), _bytes(TF)) for t in (1, 2.5)))
+    two = (*scans_at((1, 2, 3)), *(message(2, int(t * S), _bytes(TF)) for t in (1, 2.5)))
     longer = _bytes(LASER).replace(b"map", b"far")
     ros1 = (schema(1, "sensor_msgs/LaserScan", "ros1msg"), channel(1, 1, "/scan", "ros1"))
     other = (schema(2, LASER), channel(2, 2, "/scan2"))
     grid = message(3, S, _bytes(GRID))
     files: list[list[Record | Chunk]] = [
-        [*HEAD, *TF_HEAD, Chunk(two), Chunk(_scans((4, 5)))],
-        [*HEAD, *TF_HEAD, Chunk((*HEAD[1:], *two), "zstd"), Chunk(_scans((4, 5)), "zstd")],
-        [*HEAD, *other, Chunk((*_scans((1, 2)), *_scans((1.5, 2.5), 2)), "lz4"), Chunk(_scans((4, 5)))],
+        [*HEAD, *TF_HEAD, Chunk(two), Chunk(scans_at((4, 5)))],
+        [*HEAD, *TF_HEAD, Chunk((*HEAD[1:], *two), "zstd"), Chunk(scans_at((4, 5)), "zstd")],
+        [*HEAD, *other, Chunk((*scans_at((1, 2)), *scans_at((1.5, 2.5), 2)), "lz4"), Chunk(scans_at((4, 5)))],
         _chunks("bz2", (1, 2), (3, 4)),
         _chunks("lz4-unsized", (1, 2), (3, 4)),
         _chunks("lz4-large", (1, 2), (3, 4)),
@@ -76,12 +77,12 @@ def _sound() -> list[bytes]:
         _chunks("zstd", *((t, t + 0.4) for t in range(7))),
         _chunks("zstd", *((t, t + 30.0) for t in range(7))),
         _chunks("", (1, 9), (2, 8), (3, 7), (4, 6)),
-        [*ros1, Chunk(_scans((1, 2, 3), data=_bytes(LASER, 1)))],
-        [*ros1, Chunk((*_scans((1, 2), data=_bytes(LASER, 1)), message(1, 3 * S, b"x")))],
-        [*HEAD, Chunk((*_scans((1,)), *_scans((2,), data=longer)))],
-        [*HEAD, Chunk((*_scans((1,)), *_scans((2,), data=_bytes(LASER) + b"\1\0\0\0")))],
-        [*HEAD, Chunk((*_scans((1,)), message(2, S, b"tf"), *_scans((2,)))), *TF_HEAD],
-        [*HEAD, *_scans((1, 2)), *TF_HEAD, *_scans((3,)), _attachment(bytes(12))],
+        [*ros1, Chunk(scans_at((1, 2, 3), data=_bytes(LASER, 1)))],
+        [*ros1, Chunk((*scans_at((1, 2), data=_bytes(LASER, 1)), message(1, 3 * S, b"x")))],
+        [*HEAD, Chunk((*scans_at((1,)), *scans_at((2,), data=longer)))],
+        [*HEAD, Chunk((*scans_at((1,)), *scans_at((2,), data=_bytes(LASER) + b"\1\0\0\0")))],
+        [*HEAD, Chunk((*scans_at((1,)), message(2, S, b"tf"), *scans_at((2,)))), *TF_HEAD],
+        [*HEAD, *scans_at((1, 2)), *TF_HEAD, *scans_at((3,)), _attachment(bytes(12))],
         [*HEAD, schema(3, GRID), channel(3, 3, "/map", metadata=text("k") + text("v")), Chunk((grid,))],
     ]
     small = {"types": (TF,), "count": 2}
@@ -105,18 +106,18 @@ def _odd() -> list[bytes]:
     early = Record(MESSAGE_INDEX, b"\1\0" + struct.pack("<I", 16))
     files: list[list[Record | Chunk]] = [
         [*HEAD, json, odd, none, Chunk(told)],
-        [*HEAD, channel(1, 1, "/other"), schema(1, TF), Chunk(_scans((1, 2)))],
-        [*HEAD, Chunk(()), Chunk((Record(SCHEMA, b"\1"), Record(CHANNEL, b"\1\0"), *_scans((1, 2))))],
-        [Chunk(_scans((1, 2))), Chunk(HEAD[1:])],
-        [*HEAD, Chunk((*_scans((1, 2)), Record(0x90, b"own"), Record(0, b"")))],
-        [*HEAD, Record(MESSAGE_INDEX, b"\1\0\0"), Record(6, b"short"), Record(2, b"foot"), *_scans((1, 2, 3, 4))],
-        [*HEAD, Chunk((*_scans((2, 1, 3)), message(1, 2**64 - 1, b"")))],
-        [*HEAD, Chunk((message(1, S, b"not a scan"), *_scans((2,))))],
-        [*HEAD, Chunk((message(9, S, b"a stranger"), *_scans((2,))))],
-        [*HEAD, early, Record(ATTACHMENT, bytes(18)), Chunk(_scans((1,)))],
-        [*HEAD, _attachment(b"x"), Chunk(_scans((1,)))],
-        [*HEAD, Chunk(_scans((1, 2), data=_bytes(LASER).replace(b"map", b"\xff\xff\xff")))],
-        [*HEAD, Chunk((*_scans((1, 2)), *_scans((3,), data=_flat(_bytes(LASER)))))],
+        [*HEAD, channel(1, 1, "/other"), schema(1, TF), Chunk(scans_at((1, 2)))],
+        [*HEAD, Chunk(()), Chunk((Record(SCHEMA, b"\1"), Record(CHANNEL, b"\1\0"), *scans_at((1, 2))))],
+        [Chunk(scans_at((1, 2))), Chunk(HEAD[1:])],
+        [*HEAD, Chunk((*scans_at((1, 2)), Record(0x90, b"own"), Record(0, b"")))],
+        [*HEAD, Record(MESSAGE_INDEX, b"\1\0\0"), Record(6, b"short"), Record(2, b"foot"), *scans_at((1, 2, 3, 4))],
+        [*HEAD, Chunk((*scans_at((2, 1, 3)), message(1, 2**64 - 1, b"")))],
+        [*HEAD, Chunk((message(1, S, b"not a scan"), *scans_at((2,))))],
+        [*HEAD, Chunk((message(9, S, b"a stranger"), *scans_at((2,))))],
+        [*HEAD, early, Record(ATTACHMENT, bytes(18)), Chunk(scans_at((1,)))],
+        [*HEAD, _attachment(b"x"), Chunk(scans_at((1,)))],
+        [*HEAD, Chunk(scans_at((1, 2), data=_bytes(LASER).replace(b"map", b"\xff\xff\xff")))],
+        [*HEAD, Chunk((*scans_at((1, 2)), *scans_at((3,), data=_flat(_bytes(LASER)))))],
         [],
     ]
     untold = [assembled(file, Told(summary=False, message_indexes=False)) for file in files]
@@ -125,8 +126,8 @@ def _odd() -> list[bytes]:
 
 def _broken_records() -> list[bytes]:
     """Messages in chunks without checksum say that they are longer than these, and chunks that their names are long."""
-    whole = assembled([*HEAD, Chunk(_scans((1, 2, 3)))], Told(crcs=False))
-    bare = assembled([*HEAD, Chunk(_scans((1, 2, 3)))], Told(crcs=False, message_indexes=False, summary=False))
+    whole = assembled([*HEAD, Chunk(scans_at((1, 2, 3)))], Told(crcs=False))
+    bare = assembled([*HEAD, Chunk(scans_at((1, 2, 3)))], Told(crcs=False, message_indexes=False, summary=False))
     found = []
     for file in (whole, bare):
         chunk = file.index(struct.pack("<Q", S)) - 9
@@ -147,7 +148,7 @@ def _flat(scan: bytes) -> bytes:
 def _large() -> list[bytes]:
     """What is more than narrow limits allow."""
     nothing = message(1, S, bytes(60_000))
-    files = [[*HEAD, Chunk(_scans((1, 5)), compression, "huge")] for compression in ("", "zstd")]
+    files = [[*HEAD, Chunk(scans_at((1, 5)), compression, "huge")] for compression in ("", "zstd")]
     files += [[*HEAD, Chunk((nothing,), compression)] for compression in ("zstd", "lz4", "bz2")]
     return [*map(assembled, files), *(assembled(file, Told(summary=False)) for file in files)]
 
@@ -156,11 +157,13 @@ def _lying() -> list[bytes]:
     """Chunks, indexes and summaries that say what is not so."""
     chunks = _chunks("zstd", (1, 2), (3, 4))
     lies = [
-        [*HEAD, Chunk(_scans((1, 2)), compression, lie), Chunk(_scans((0.5, 3)))]
+        [*HEAD, Chunk(scans_at((1, 2)), compression, lie), Chunk(scans_at((0.5, 3)))]
         for compression in ("", "zstd", "lz4", "bz2")
         for lie in ("size", "small", "crc")
     ]
-    lies += [[*HEAD, Chunk(_scans((1, 5)), "", lie), Chunk(_scans((3, 4)))] for lie in ("start", "end", "name", "huge")]
+    lies += [
+        [*HEAD, Chunk(scans_at((1, 5)), "", lie), Chunk(scans_at((3, 4)))] for lie in ("start", "end", "name", "huge")
+    ]
     told = [Told(wrong=frozenset({name})) for name in WRONG]
     plain = _chunks("", (1, 2, 3), (4, 5))
     sealed = bytearray(assembled(plain))
@@ -187,7 +190,7 @@ def _cut() -> list[bytes]:
         hole = len(whole) // 2
         files.append(whole[:hole] + bytes(20) + whole[hole + 20 :])
     whole = assembled(_chunks("", (1, 2, 3), (4, 5)))
-    bare = assembled([*HEAD, *_scans(range(8))], Told(ended=False))
+    bare = assembled([*HEAD, *scans_at(range(8))], Told(ended=False))
     files += [whole[:-8], whole[:-20], whole[30:], b"x" * 40 + whole, whole + whole, bare[:-5]]
     files += [bare[:250] + b"\xff" * 30 + bare[280:], bare[:180] + bytes(9) + bare[250:]]
     return files

@@ -23,6 +23,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+import fuzz_mcap
+from fuzz_mcap_seeds import HEAD, LIES, scans_at
 from fuzz_seeds import LASER, TF, mcap_file, store_of
 from mcap.writer import CompressionType, Writer
 
@@ -51,6 +53,7 @@ def all_cases() -> list[Nasty]:
         *configs(),
         *tables(),
         *recordings(),
+        *liars(),
         *times(),
         *poses(),
         *definitions(),
@@ -526,6 +529,42 @@ def definitions() -> Iterator[Nasty]:
         "name-escapes": "a/msg/\x1b[31mA",
     }.items():
         yield Nasty(f"definition-{name}", {"a.mcap": recording(schema=schema)}, ("info", "@/a.mcap"), hint="/scan")
+
+
+# -- MCAP files that say what is not so --------------------------------------------------------------------------------
+
+
+def liars() -> Iterator[Nasty]:
+    """Indexes, summaries and chunks that lie, each with right checksums but for what lies, and maps told as JSON."""
+    two = (fuzz_mcap.Chunk(scans_at((1, 2, 3))), fuzz_mcap.Chunk(scans_at((4, 5))))
+    for name in fuzz_mcap.WRONG:
+        for crcs in (True, False):
+            told = fuzz_mcap.Told(crcs=crcs, wrong=frozenset({name}))
+            kind = "sealed" if crcs else "unsealed"
+            data = fuzz_mcap.assembled([*HEAD, *two], told)
+            yield Nasty(
+                f"mcap-{kind}-{name.replace('_', '-')}-lies", {"a.mcap": data}, ("info", "@/a.mcap"), hint="scan"
+            )
+    for lie in LIES:
+        chunk = fuzz_mcap.Chunk(scans_at((1, 2, 3)), "zstd", lie)
+        data = fuzz_mcap.assembled([*HEAD, chunk, two[1]])
+        yield Nasty(f"mcap-packed-chunk-{lie}-lies", {"a.mcap": data}, ("info", "@/a.mcap"), hint="scan")
+    head = '"header": {"stamp": {"secs": 5, "nsecs": 0}, "frame_id": "map"}'
+    info = '"info": {"width": 2, "height": 1, "resolution": 0.1, "origin": {"position": {"x": 0, "y": 0, "z": 0}, '
+    info += '"orientation": {"x": 0, "y": 0, "z": 0, "w": 1}}}'
+    for name, text in {
+        "without-info": f"{{{head}}}",
+        "without-cells": f"{{{head}, {info}}}",
+        "of-words": f'{{{head}, {info}, "data": "ab"}}',
+        "of-halves": f'{{{head}, {info}, "data": [0.5, 0.5]}}',
+        "of-lists": f'{{{head}, {info}, "data": [[0], [1]]}}',
+    }.items():
+        described = (
+            fuzz_mcap.schema(1, "nav_msgs/OccupancyGrid", "jsonschema", b"{}"),
+            fuzz_mcap.channel(1, 1, "/map", "json"),
+        )
+        data = fuzz_mcap.assembled([HEAD[0], *described, fuzz_mcap.message(1, 5 * S, text.encode())])
+        yield Nasty(f"json-map-{name}", {"a.mcap": data}, ("run", "@/a.mcap", "-o", "@/out", "--no-report", "-q"))
 
 
 # -- CARMEN and other text ---------------------------------------------------------------------------------------------

@@ -284,9 +284,8 @@ def _distrust_indexes(index: McapIndex, told: Sequence[ChunkIndex], faults: Read
 
 def _take_statistics(summary: Summary | None, index: McapIndex, told: Sequence[ChunkIndex], found: int) -> None:
     """What the writer counted, where it did and where not everything was counted here."""
-    if not told and found and index.counts is not None:
-        return
     statistics = () if summary is None or not summary.trusted else summary.values
     counted = next((dict(value.channel_message_counts) for value in statistics if isinstance(value, Statistics)), None)
     index.stated = counted
-    index.counts = counted if told or index.counts is None else index.counts
+    if told or index.counts is None:
+        index.counts = counted
