@@ -198,7 +198,8 @@ def _lost(mission: Mission, assembly: Assembly) -> list[str]:
 
 def _audited(mission: Mission, assembly: Assembly, config: Config, plugins: Plugins) -> list[Finding]:
     kinds = {robot.name: robot.kinds for robot in mission.robots}
-    return audit(mission.observations(), kinds, assembly.robots, config, plugins)
+    with mission.guard.armed():
+        return audit(mission.observations(), kinds, assembly.robots, config, plugins, mission.guard)
 
 
 def _remarks(mission: Mission, assembly: Assembly) -> list[str]:
@@ -253,8 +254,9 @@ def map_alone(files: Sequence[Path], config: Config, plugins: Plugins, table: De
 
     with open_mission(files, config, plugins=plugins) as mission:
         robots = assemble(mission, config, plugins, table, NullSink()).robots
-        for observation in mission.observations():
-            robots[observation.robot].observe(observation)
+        with mission.guard.armed():
+            for observation in mission.observations():
+                robots[observation.robot].observe(observation)
     if failed := next((robot.failed for robot in robots.values() if robot.failed), None):
         raise PluginError(failed)
     return robots

@@ -23,13 +23,19 @@ class Library:
     """Opens recordings and ready-made map files, with what plugins add to both.
 
     ``typestore`` names the rosbags typestore for messages whose definition is not in their file. ``guard`` watches over
-    plugins' readers, decoders and formats.
+    plugins' readers, decoders and formats; where none is given there is a new one.
     """
 
-    def __init__(self, plugins: Plugins | None, typestore: str, limits: LimitsConfig | None = None) -> None:
+    def __init__(
+        self,
+        plugins: Plugins | None,
+        typestore: str,
+        limits: LimitsConfig | None = None,
+        guard: Guard | None = None,
+    ) -> None:
         self._plugins = plugins or Plugins()
         self._limits = limits or LimitsConfig()
-        self.guard = Guard(self._limits)
+        self.guard = guard or Guard(self._limits)
         self._typestore = typestore
         self._glimpses: dict[Path, Glimpse] = {}
         self._readers = [

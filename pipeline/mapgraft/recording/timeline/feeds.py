@@ -28,9 +28,9 @@ _ROUNDING = 1e-4  # metres or radians
 class Reading:
     """How to read one file's poses into a robot's tree.
 
-    ``replaced`` children are told by someone else; ``chosen`` edges alone count for their child. Edges in ``by_log``, or
-    all with ``all_by_log``, are placed at their time of recording plus ``offset_ns``; the stamps of the others are
-    looked at before they are believed if ``judged``. The messages on ``topic`` (empty: none) tell the edge
+    ``replaced`` children are told by someone else; ``chosen`` edges alone count for their child. Edges in
+    ``by_log``, or all with ``all_by_log``, are placed at their time of recording plus ``offset_ns``; the stamps of the
+    others are looked at before they are believed if ``judged``. The messages on ``topic`` (empty: none) tell the edge
     ``pose_edge``.
     """
 
