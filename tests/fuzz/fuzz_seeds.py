@@ -249,7 +249,8 @@ def _in_rows() -> list[bytes]:
         nan = scan.replace(struct.pack("<f", -1.5), struct.pack("<f", math.nan))
         frames = [scan[:frame] + b"f%02d" % n + scan[frame + 3 :] for n in range(5)]
         sized = [_scan_of(ros, beams) for beams in (0, 1, 2, 3)]
-        pairs = ((scan, scan), (scan, other), (scan, fewer), (scan, big), (scan, nan), (scan[:-1], scan))
+        late = scan.replace(struct.pack("<I", 5), struct.pack("<I", 0xFB000005), 1)  # seconds without a sign
+        pairs = ((late, late), (scan, scan), (scan, other), (scan, fewer), (scan, big), (scan, nan), (scan[:-1], scan))
         rows += [bytes([k]) + BETWEEN.join(row) for row in (*pairs, frames, sized, (scan, *longer, scan))]
     return rows
 

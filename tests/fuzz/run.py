@@ -15,6 +15,7 @@ import argparse
 import hashlib
 import importlib
 import importlib.util
+import inspect
 import json
 import random
 import re
@@ -95,19 +96,19 @@ def _whole(harness: Harness, corpus: Path, asked: argparse.Namespace) -> int:
 
 def _slice(command: list[str]) -> tuple[dict[str, int], bool]:
     """What the engine tells of one process, and whether it found something."""
-    fuzz = subprocess.run(command, stderr=subprocess.PIPE, text=True, check=False, errors="replace")
+    fuzz = subprocess.run(command, capture_output=True, text=True, check=False, errors="replace")
     if fuzz.returncode != 0:
-        sys.stderr.write(fuzz.stderr[-6000:])
+        sys.stderr.write(fuzz.stderr[-3000:] + fuzz.stdout[-3000:])
     told = re.findall(r"stat::(\w+):\s+(\d+)", fuzz.stderr)
     return {name: int(value) for name, value in told}, fuzz.returncode != 0
 
 
 def _digest(harness: Harness) -> str:
-    """A name for what is run: the code that the harness is after, and the harness itself."""
+    """A name for what is run: the code that the harness is after, what calls it, and its bounds."""
     specs = map(importlib.util.find_spec, harness.modules)
     files = [Path(spec.origin) for spec in specs if spec and spec.origin]
-    texts = [path.read_bytes() for path in (*files, *sorted(Path(__file__).parent.glob("fuzz_*.py")))]
-    return hashlib.sha256(b"\0".join(texts)).hexdigest()[:12]
+    texts = [path.read_bytes() for path in (*files, Path(inspect.getfile(harness.build)))]
+    return hashlib.sha256(b"\0".join((*texts, repr(dict(harness.bounds)).encode()))).hexdigest()[:12]
 
 
 def _guided(harness: Harness, corpus: Path, executions: int, seed: int) -> None:

@@ -136,7 +136,7 @@ def _head_type(layout: Layout) -> np.dtype[np.void]:
         "channel": ("<u2", 9),
         "log_ns": ("<u8", 15),
         "encapsulation": ("<u2", message),
-        "sec": (layout.seconds, message + 4),
+        "sec": ("<i4", message + 4),
         "nanosec": ("<u4", message + 8),
         "frame_bytes": ("<u4", message + 12),
         "frame": (f"S{layout.frame_bytes}", message + 16),
