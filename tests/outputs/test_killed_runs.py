@@ -14,6 +14,7 @@ import pytest
 from plots import provenance, tell, told
 
 from mapgraft.errors import OutputError
+from mapgraft.outputs.claims import claim, clear
 from mapgraft.outputs.labels import label
 from mapgraft.outputs.lock import LOCK, locked, settled
 from mapgraft.outputs.read_back import read_events
@@ -279,3 +280,45 @@ def test_a_label_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
     done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=60)
     assert "because the disk or the quota is full: make room and run again" in done.stdout
     assert contents(tmp_path) == before and not list(tmp_path.rglob(f"*{SUFFIX}"))
+
+
+DIES = """
+    import os, sys
+    from pathlib import Path
+    from mapgraft.outputs import parquet_log
+    from mapgraft.outputs.labels import label
+
+    parquet_log.sync = lambda stream: os.kill(os.getpid(), 9)
+    label(Path(sys.argv[1]), "r1", merge_id="a.b.7", receiver="a", donor="b", verdict="right")
+"""
+
+
+def rests(folder: Path) -> list[Path]:
+    return sorted((folder / "labels").rglob(f".*{SUFFIX}"))
+
+
+@pytest.mark.parametrize("next_one", ["label", "run"])
+def test_what_a_killed_writer_of_labels_has_left_goes_and_what_another_one_writes_stays(
+    tmp_path: Path, next_one: str
+) -> None:
+    done = subprocess.run([sys.executable, "-c", textwrap.dedent(DIES), str(tmp_path)], check=False, timeout=60)
+    assert done.returncode == -9 and len(rests(tmp_path)) == 1
+    alive = tmp_path / "labels/run_id=r1" / f".part-00000-alive.parquet{SUFFIX}"
+    with alive.open("wb") as stream:
+        assert claim(alive, stream.fileno())
+        if next_one == "label":
+            label(tmp_path, "r1", merge_id="a.b.1", receiver="a", donor="b", verdict="right")
+        else:
+            RunFolder(tmp_path, "demo", "r1", provenance()).open().finish()
+        assert rests(tmp_path) == [alive]
+    label(tmp_path, "r1", merge_id="a.b.2", receiver="a", donor="b", verdict="right")
+    assert rests(tmp_path) == []
+
+
+def test_a_file_that_is_gone_cannot_be_claimed(tmp_path: Path) -> None:
+    path = tmp_path / "rest"
+    with path.open("wb") as stream:
+        clear([path])  # nobody had claimed it yet
+        assert not path.exists() and not claim(path, stream.fileno())
+        path.touch()  # another one of that name
+        assert not claim(path, stream.fileno())

@@ -6,7 +6,8 @@ import os
 import struct
 from pathlib import Path
 
-from mapgraft.outputs.parquet_log import UNTITLED, WRITTEN
+from mapgraft.outputs.claims import clear
+from mapgraft.outputs.parquet_log import UNTITLED, WRITTEN, rests_of
 from mapgraft.outputs.provenance import is_run_id
 from mapgraft.outputs.read_back import Told, told_by
 from mapgraft.outputs.staging import SUFFIX, sync, sync_folder
@@ -36,6 +37,7 @@ def make_room(out: Path, stem: str, ending: str) -> None:
         rests += sorted((out / table).glob(f"run_id=*/{UNTITLED}{SUFFIX}"))
     for rest in rests:
         rest.unlink(missing_ok=True)
+    clear(rests_of(out, "labels"))
     sync_folder(out)
 
 
