@@ -18,7 +18,7 @@ _SENSOR = re.compile(
 )
 # Words in the topics of poses that nobody has reached yet.
 _WISH = re.compile(r"goals?|initial|initialpose|target|waypoints?|clicked|setpoint|cmd|command")
-_SUFFIXES = (".log.gz", ".clf.gz", ".gfs.gz", ".tum.gz")
+_SUFFIXES = (".log.gz", ".clf.gz", ".gfs.gz", ".tum.gz", ".bag.active")
 
 
 def bare(frame: str) -> str:

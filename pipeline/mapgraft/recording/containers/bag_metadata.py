@@ -37,7 +37,8 @@ def read_layout(folder: Path, faults: ReadFaults) -> BagLayout:
         return told
     found = sorted((path for path in folder.iterdir() if path.suffix in SUFFIXES), key=_part_number)
     if not found:
-        raise RecordingError(f"{folder} is a folder without a ROS 2 bag: it has no {METADATA}, .db3 or .mcap file")
+        held = f"it has no {METADATA}, .db3 or .mcap file; name files of other kinds one by one"
+        raise RecordingError(f"{folder} is a folder without a ROS 2 bag: {held}")
     if len({(_part_name(path), path.suffix) for path in found}) > 1:
         names = ", ".join(path.name for path in found[:4])
         raise RecordingError(f"{folder} holds several recordings ({names}, …) without {METADATA}: name the files")
