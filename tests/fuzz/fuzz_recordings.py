@@ -37,7 +37,8 @@ def _read_through(source, mode: int) -> None:
         topics = [channel.topic for channel in source.channels[: mode >> 2 & 1]] if mode & 12 else None
         assert sum(1 for _ in source.messages(topics, begin_ns, end_ns)) <= len(times) if mode & 12 else True
         for scan in source.scans(topics, begin_ns, end_ns):
-            assert (begin_ns or 0) <= scan.log_ns <= (end_ns or scan.log_ns)
+            assert begin_ns is None or begin_ns <= scan.log_ns
+            assert end_ns is None or scan.log_ns <= end_ns
         assert all(fault.count > 0 and fault.sentence for fault in source.faults)
         for channel in source.channels:
             source.schema(channel)
