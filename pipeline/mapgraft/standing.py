@@ -35,6 +35,7 @@ class Standing:
     trail: Trail = field(default_factory=Trail)
     by_donor: dict[str, Merge] = field(default_factory=dict)
     failed: str = ""
+    _told: set[str] = field(default_factory=set)  # which plugins are not asked again, where that came up
 
     @property
     def reversal(self) -> Reversal:
@@ -202,9 +203,13 @@ class Standing:
     def complain(
         self, error: PluginError | MapError, stamp_ns: int, donor: str, rule: str = "", merge: Merge | None = None
     ) -> None:
-        """Write down that a plugin failed, and remember it."""
+        """Write down that a plugin failed, and remember it; that one is not asked again is told once."""
         if isinstance(error, PluginError):
             self.workshop.guard.note(error)
+        if (said := str(error)) in self.workshop.guard.set_aside.values():
+            if said in self._told:
+                return
+            self._told.add(said)
         self.journal.failed(stamp_ns, donor, error, rule, merge)
 
     def show(self, why: Moment, stamp_ns: int, merge_id: str = "", entering: tuple[Merge, ...] = ()) -> None:
