@@ -14,11 +14,12 @@ def failure_sentences(events: Sequence[Event], guard: Guard, start_ns: int) -> l
 
     ``start_ns`` is the mission's first stamp, from which the seconds are counted.
     """
+    aside = list(guard.set_aside.values())  # some events tell this, too
     found: dict[tuple[str, str], list[Event]] = {}
     for event in events:
-        if event.kind == "failed":
+        if event.kind == "failed" and event.reason not in aside:
             found.setdefault((event.by, event.reason[:ALIKE]), []).append(event)
-    return [*(_sentence(alike, start_ns) for alike in found.values()), *guard.set_aside.values()]
+    return [*(_sentence(alike, start_ns) for alike in found.values()), *aside]
 
 
 def _sentence(alike: Sequence[Event], start_ns: int) -> str:

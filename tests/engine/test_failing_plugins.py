@@ -256,6 +256,8 @@ def test_a_person_is_told_once_per_failure_with_the_number_and_the_first_place(p
         "the matcher 'slide' failed: IndexError: boom (3 times, the first at 1.0 s, alpha ← bravo)",
         "the matcher 'slide' failed 3 times (limits.failures) and is not asked again",
     ]
+    once_more = dataclasses.replace(memory.events[-1], kind="failed", reason=guard.set_aside["matcher", "slide"])
+    assert len(failure_sentences([*memory.events, once_more], guard, 0)) == 2
     assert failure_sentences([event for event in memory.events if event.kind != "failed"], Guard(), 0) == []
 
 
