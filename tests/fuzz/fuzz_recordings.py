@@ -30,8 +30,9 @@ def _read_through(source, mode: int) -> None:
                 message = source.decode(raw)
                 if raw.channel.message_type in POSE_READERS:
                     poses_of(raw.channel.message_type, message)
-            with suppress(RecordingError):
-                source.decode_scan(raw)
+            if mode & 16:
+                with suppress(RecordingError):
+                    source.decode_scan(raw)
         middle_ns = sorted(times)[len(times) // 2] if times else 0
         begin_ns, end_ns = (middle_ns if mode & 1 else None), (middle_ns if mode & 2 else None)
         topics = [channel.topic for channel in source.channels[: mode >> 2 & 1]] if mode & 12 else None

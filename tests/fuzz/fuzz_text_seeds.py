@@ -56,7 +56,7 @@ def carmen_seeds() -> list[bytes]:
     ]
     packed = [gzip.compress(log, mtime=0) for log in (_log(LASER), _log(LASER) + b"\n" * 9000, b"")]
     packed += [packed[0][:-12], packed[0][:30] + b"\xff" * 9 + packed[0][39:]]
-    modes = [bytes([mode]) + logs[0] for mode in (1, 2, 3, 5, 8, 11, 12)]
+    modes = [bytes([mode]) + logs[0] for mode in (1, 2, 3, 5, 8, 11, 12, 16)]
     modes.append(b"\2" + _log(LASER, stamps=[-10, -9, 0, 1]))
     lines = [b"\x20" + log for log in (*logs[:4], *logs[18:22])]
     return [*(b"\0" + log for log in (*logs, *packed)), *modes, *lines]
