@@ -126,7 +126,8 @@ def _finding(robot: Robot, anew: Mapping[str, _Anew]) -> Finding:
         return Finding(robot.name, False, "; ".join(faults))
     others = len(robot.reversal.contributions)
     with_ = f" and {others} contribution{'s' * (others != 1)}" if others else ""
-    return Finding(robot.name, True, f"{robot.reversal.version} observations{with_} recomputed, all equal")
+    own = robot.reversal.version
+    return Finding(robot.name, True, f"{own} observation{'s' * (own != 1)}{with_} recomputed, all equal")
 
 
 def _own_faults(robot: Robot, anew: Mapping[str, _Anew]) -> list[str]:
@@ -134,7 +135,7 @@ def _own_faults(robot: Robot, anew: Mapping[str, _Anew]) -> list[str]:
     held = robot.map_type.encode(robot.reversal.offered_layer())
     if again.kept.get(version) == held:
         return []
-    return [f"its own layer of {version} observations differs from one integrated anew"]
+    return [f"its own layer of {version} observation{'s' * (version != 1)} differs from one integrated anew"]
 
 
 def _donor_faults(robot: Robot, anew: Mapping[str, _Anew]) -> list[str]:
