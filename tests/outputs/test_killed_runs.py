@@ -25,14 +25,20 @@ TOYS = Path(__file__).parents[1] / "toys"
 MCAP = "demo.merge.mcap"
 BRIEF = 1320  # things of the story that the shorter one tells
 
-# Forks for every job: a process that has done nothing yet. A job is [folder, fatal step or null, length or null].
+# Forks for every job: a process that has imported all and written nothing yet. A job is [folder, fatal step or null, length or null].
 JOBS = """
     import json, os, sys
+    from contextlib import suppress
     from itertools import islice
     from pathlib import Path
     from plots import provenance, told, tell, Event
     from tearing import counted
+    from mapgraft.outputs.messages import MessageEncoder
     from mapgraft.outputs.run_folder import RunFolder
+
+    with suppress(ImportError):
+        import pandas  # pyarrow does where it is there: once is enough
+    MessageEncoder()  # reads what messages look like
 
     for folder, fatal, length in json.loads(sys.stdin.read()):
         if os.fork():
