@@ -25,7 +25,8 @@ TOYS = Path(__file__).parents[1] / "toys"
 MCAP = "demo.merge.mcap"
 BRIEF = 1320  # things of the story that the shorter one tells
 
-# Forks for every job: a process that has imported all and written nothing yet. A job is [folder, fatal step or null, length or null].
+# Forks for every job: a process that has imported all and written nothing yet. A job is a folder, and each a number or
+# null for the fatal step and the length.
 JOBS = """
     import json, os, sys
     from contextlib import suppress
