@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import shutil
+import signal
 import subprocess
 import sys
 import textwrap
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -25,10 +28,10 @@ TOYS = Path(__file__).parents[1] / "toys"
 MCAP = "demo.merge.mcap"
 BRIEF = 1320  # things of the story that the shorter one tells
 
-# Forks for every job: a process that has imported all and written nothing yet. A job is a folder, and each a number or
-# null for the fatal step and the length.
+# Forks for every job: a process that has imported all and written nothing yet. A line of jobs holds for each a folder,
+# and each a number or null for the fatal step and the length; the answer is how the processes ended.
 JOBS = """
-    import json, os, sys
+    import json, os, sys, traceback
     from contextlib import suppress
     from itertools import islice
     from pathlib import Path
@@ -41,11 +44,8 @@ JOBS = """
         import pandas  # pyarrow does where it is there: once is enough
     MessageEncoder()  # reads what messages look like
 
-    for folder, fatal, length in json.loads(sys.stdin.read()):
-        if os.fork():
-            os.wait()
-            continue
-        reported, writing = os.open(folder + ".told", os.O_WRONLY | os.O_CREAT | os.O_APPEND), 0
+    def work(folder, fatal, length):
+        reported = os.open(folder + ".told", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
         with counted(Path(folder), fatal) as steps, RunFolder(Path(folder), "demo", "r1", provenance()) as sink:
             sink.keep("mission.json", str(length).encode())
             for item in islice(told(), length):
@@ -53,25 +53,44 @@ JOBS = """
                 if isinstance(item, Event):
                     os.write(reported, f"{item.seq} {item.kind} {len(steps.kinds)}\\n".encode())
         Path(folder + ".steps").write_text(json.dumps([steps.kinds, steps.names]))
-        os._exit(0)
+
+    for line in sys.stdin:
+        ends = []
+        for job in json.loads(line):
+            if not (child := os.fork()):
+                try:
+                    work(*job)
+                    os._exit(0)
+                except BaseException:
+                    traceback.print_exc()
+                    os._exit(1)
+            ends.append(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+        print(json.dumps(ends), flush=True)
 """
 
+Job = tuple[Path, int | None, int | None]
+Do = Callable[[list[Job]], None]
 
-def do(jobs: list[tuple[Path, int | None, int | None]]) -> None:
+
+@pytest.fixture(scope="module")
+def do() -> Iterator[Do]:
     """Tell the story to folders, and die on the way where a step is named."""
     path = os.pathsep.join([str(TOYS), *filter(None, [os.environ.get("PYTHONPATH")])])
-    given = json.dumps([(str(folder), fatal, length) for folder, fatal, length in jobs])
     command = [sys.executable, "-c", textwrap.dedent(JOBS)]
-    done = subprocess.run(
-        command,
-        check=False,
-        env=os.environ | {"PYTHONPATH": path},
-        input=given,
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, env=os.environ | {"PYTHONPATH": path}, **pipes) as worker:
+
+        def work(jobs: list[Job]) -> None:
+            worker.stdin.write(json.dumps([(str(folder), fatal, length) for folder, fatal, length in jobs]) + "\n")
+            worker.stdin.flush()
+            assert select.select([worker.stdout], [], [], 300)[0], "it hangs"
+            ends = json.loads(worker.stdout.readline())
+            assert ends == [0 if fatal is None else -signal.SIGKILL for _, fatal, _ in jobs]
+
+        try:
+            yield work
+        finally:
+            worker.kill()
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -104,7 +123,7 @@ def readable(folder: Path) -> set[int]:
 
 
 @pytest.fixture(scope="module")
-def stories(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def stories(do: Do, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """``short`` and ``long``: folders of undisturbed runs, and the steps of a long one after a short one, ``both``."""
     folder = tmp_path_factory.mktemp("stories")
     do([(folder / "short", None, BRIEF), (folder / "long", None, None)])
@@ -114,7 +133,7 @@ def stories(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def killed(stories: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def killed(do: Do, stories: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Folders with a finished short run, in which a long one was killed, each in another step."""
     kinds, names = json.loads((stories / "both.steps").read_text())
     journal = next(n for n, name in enumerate(names) if JOURNAL in name)
@@ -148,7 +167,9 @@ def test_the_folder_holds_the_earlier_run_or_the_new_one_whole(
     assert seen == sorted(seen) and 8 < sum(seen) < len(seen) - 6
 
 
-def test_started_again_it_ends_as_if_nothing_had_happened(killed: list[Path], stories: Path, tmp_path: Path) -> None:
+def test_started_again_it_ends_as_if_nothing_had_happened(
+    do: Do, killed: list[Path], stories: Path, tmp_path: Path
+) -> None:
     copies = [Path(shutil.copytree(folder, tmp_path / folder.name)) for folder in killed[::3]]
     do([(copy, None, None) for copy in copies])
     expected = contents(stories / "both")
@@ -158,7 +179,7 @@ def test_started_again_it_ends_as_if_nothing_had_happened(killed: list[Path], st
         assert not list(copy.rglob(f"*{SUFFIX}")), copy.name
 
 
-def test_killed_again_and_again_it_keeps_what_got_farthest(stories: Path, tmp_path: Path) -> None:
+def test_killed_again_and_again_it_keeps_what_got_farthest(do: Do, stories: Path, tmp_path: Path) -> None:
     steps = len(json.loads((stories / "long.steps").read_text())[0])
     out = tmp_path / "out"
     for share in (0.1, 0.5, 0.0):
