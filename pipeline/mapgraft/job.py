@@ -143,8 +143,8 @@ def run(
             assembly = assemble(mission, checked, plugins, table, fan)  # before the folder is touched: it may refuse
         folder = None
         if out is not None:
-            output = checked.output
-            folder = RunFolder(Path(out), stem(paths[0]), run_id, provenance, output.scans, output.report)
+            named = (Path(out), stem(paths[0]), run_id, provenance)
+            folder = RunFolder(*named, checked.output.scans, checked.output.report, assembly.exchange.guard)
             stack.push(folder)  # before it is opened: Ctrl-C in between would leave a recording without an end
             fan.sinks.insert(0, folder.open())  # what anybody else hears of is on disk
             folder.keep(MISSION_FILE, remembered_text(paths, checked).encode())
@@ -161,7 +161,8 @@ def run(
             folder.noticed((*remarks, *failed, *lost))
             folder.lost([asdict(loss) for loss in missing])
             folder.audited([asdict(finding) for finding in ledgers])
-            folder.finish()
+            with assembly.exchange.guard.armed():
+                folder.finish()
         return Result(
             run_id=run_id,
             folder=None if out is None else Path(out),

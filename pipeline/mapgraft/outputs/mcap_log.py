@@ -13,8 +13,9 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from mapgraft.contracts import Finding, Map, MapType, Observation, Transform
-from mapgraft.errors import PluginError
+from mapgraft.errors import MapError, PluginError
 from mapgraft.events import Event, Snapshot
+from mapgraft.outputs.asking import Asking
 from mapgraft.outputs.event_message import encode_event, encode_log
 from mapgraft.outputs.findings import TOPIC as FINDINGS_TOPIC
 from mapgraft.outputs.findings import finding_markers
@@ -46,8 +47,8 @@ class McapLog:
     does not fit. A map that its type cannot show is left out, and ``unshown`` says why.
     """
 
-    def __init__(self, stream: BinaryIO, run_id: str, provenance: RunProvenance) -> None:
-        self._stream = stream
+    def __init__(self, stream: BinaryIO, run_id: str, provenance: RunProvenance, asking: Asking | None = None) -> None:
+        self._stream, self._asking = stream, asking or Asking()
         self._encoder = MessageEncoder()
         self._names = ros_names()
         self._schemas: dict[str, int] = {}
@@ -162,9 +163,9 @@ class McapLog:
         self, prefix: str, frame_id: str, stamp_ns: int, map_type: MapType, map_: Map, visible: bool = True
     ) -> None:
         try:
-            messages = list(map_type.messages(map_))
-        except Exception as error:  # too large to show, or a stranger's code
-            self.unshown.setdefault(prefix, f"the map on {prefix} could not be shown: {error or type(error).__name__}")
+            messages = self._asking.ask(map_type, lambda: list(map_type.messages(map_)))
+        except (MapError, PluginError) as error:  # too large to show, or a stranger's code
+            self.unshown.setdefault(prefix, f"the map on {prefix} could not be shown: {error}")
             return
         for message in messages:
             topic = f"{prefix}/{message.suffix}"

@@ -12,6 +12,8 @@ from typing import Any, Self
 from mapgraft.contracts import Observation
 from mapgraft.errors import OutputError
 from mapgraft.events import Event, Snapshot
+from mapgraft.guard import Guard
+from mapgraft.outputs.asking import Asking
 from mapgraft.outputs.files import Tally, Trajectories, connected, json_bytes, map_files, transforms_csv
 from mapgraft.outputs.findings import FINDINGS, LatestFindings
 from mapgraft.outputs.lock import RUN, FolderLock, require_kind
@@ -46,17 +48,26 @@ class RunFolder:
     Tables of other runs in the folder stay.
     What an unfinished run had decided stays readable until the same run is finished here.
     With ``report`` the page of the run is made when all else is published, from what is in the folder then.
+    ``guard`` watches map types while they are asked for messages and files.
 
     Raises OutputError when the folder cannot be written, or when another run is writing it.
     """
 
     def __init__(
-        self, out: Path, stem: str, run_id: str, provenance: RunProvenance, scans: bool = False, report: bool = False
+        self,
+        out: Path,
+        stem: str,
+        run_id: str,
+        provenance: RunProvenance,
+        scans: bool = False,
+        report: bool = False,
+        guard: Guard | None = None,
     ) -> None:
         if not is_run_id(run_id):
             raise OutputError(f"a run id is a letter and then letters, digits, '_' and '-', found {run_id!r}")
         self._out, self._run_id, self._provenance = out, run_id, provenance
         self._scans, self._report = scans, report
+        self._asking = Asking(guard or Guard())
         self._stem, self._mcap_name = stem, f"{stem}{MERGE_RECORDING}"
         self._queue: list[Pose | tuple[int, Event]] = []
         self._snapshots: dict[str, Snapshot] = {}
@@ -101,7 +112,7 @@ class RunFolder:
         self._aside = set_aside(out, MERGE_RECORDING)
         self._stream = self._staging.create(self._mcap_name)
         self._held.append(lambda: close_quietly(self._stream))
-        self._mcap = McapLog(self._stream, self._run_id, self._provenance)
+        self._mcap = McapLog(self._stream, self._run_id, self._provenance, self._asking)
         self._parquet = ParquetLog(self._staging, self._run_id)
         self._held.append(self._parquet.abandon)
         sync_folder(out)  # the recording has a name after a power cut, too
@@ -273,7 +284,7 @@ class RunFolder:
     def _write_files(self, layout: bytes) -> None:
         merges = self._standing.merges
         together = connected(self._scene.robots, merges)
-        files = map_files(self._snapshots, together, self._names, self._unshown)
+        files = map_files(self._snapshots, together, self._names, self._unshown, self._asking)
         files |= {"transforms.csv": transforms_csv(merges), "layout.json": layout}
         if (found := self._found.csv()) is not None:
             files[FINDINGS] = found
