@@ -12,12 +12,14 @@ import typer
 
 from mapgraft.commands.app import app
 from mapgraft.errors import MapgraftError
+from mapgraft.interruption import interrupt
 
 # The class of all faults on a command line; typer has kept it in different places.
 USAGE_FAULT = cast("type[Exception]", typer.BadParameter.__mro__[1])
 SIGNALLED = 128  # plus its number is what a shell expects of a program that a signal ended
 INTERRUPTED = SIGNALLED + signal.SIGINT
 ENDING = (signal.SIGTERM, signal.SIGHUP)  # what a system that shuts down, or a terminal that is closed, sends
+UNHANDLED = (signal.SIG_DFL, signal.default_int_handler)  # nohup ignores SIGHUP: that stays
 LOGGING = ("run", "revert", "confirm", "forbid")  # commands that write while they go on
 
 _received: list[signal.Signals] = []  # which of ENDING has ended this process
@@ -25,8 +27,8 @@ _received: list[signal.Signals] = []  # which of ENDING has ended this process
 
 def main() -> None:
     """The entry point of the command ``mapgraft``."""
-    for number in ENDING:
-        if signal.getsignal(number) is signal.SIG_DFL:  # nohup ignores one of them
+    for number in (signal.SIGINT, *ENDING):
+        if signal.getsignal(number) in UNHANDLED:
             signal.signal(number, _end)
     code = invoke(sys.argv[1:])
     if code > SIGNALLED:  # at once: where Ctrl-C met code made at run time, Python would end itself by the signal
@@ -36,11 +38,13 @@ def main() -> None:
     sys.exit(code)
 
 
-def _end(number: int, _frame: FrameType | None) -> None:
-    """Leave as after Ctrl-C: partial files are closed. Saying it twice makes it no faster."""
-    if not _received:
+def _end(number: int, frame: FrameType | None) -> None:
+    """Leave as after Ctrl-C: partial files are closed. Saying one of ENDING twice makes it no faster."""
+    if number in ENDING:
+        if _received:
+            return
         _received.append(signal.Signals(number))
-        raise KeyboardInterrupt
+    interrupt(KeyboardInterrupt(), frame)
 
 
 def invoke(arguments: list[str]) -> int:
@@ -73,7 +77,7 @@ def _ended(code: int, arguments: list[str]) -> int:
     if code != INTERRUPTED:
         return code
     command = next((word for word in arguments if not word.startswith("-")), "")
-    left = "what was decided before is on disk" if command in LOGGING else "nothing was written"
+    left = "what was decided before, if anything, is on disk" if command in LOGGING else "nothing was written"
     if _received:
         return _fail(f"ended by {_received[0].name}; {left}", SIGNALLED + _received[0])
     return _fail(f"interrupted; {left}", code)
