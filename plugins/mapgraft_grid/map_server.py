@@ -103,7 +103,9 @@ def _settings(path: Path) -> _Settings:
             raise MapError(f"{path.name} is too large for a map description ({path.stat().st_size} bytes)")
         data = path.read_bytes()
         _require_flat(path.name, data)
-        found = YAML(typ="safe", pure=True).load(data)
+        reader = YAML(typ="safe", pure=True)
+        reader.composer.warn_double_anchors = False  # YAML allows it: the last one counts
+        found = reader.load(data)
     except OSError as fault:
         raise MapError(f"the map {path} cannot be read: {fault.strerror}") from fault
     except (YAMLError, ValueError) as fault:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+import fuzz_bags
 import fuzz_documents
 import fuzz_layers
 import fuzz_mcap
@@ -66,6 +67,8 @@ def _modules(package: str, *names: str) -> tuple[str, ...]:
 
 WORDS = {
     "mcap": "sensor_msgs/msg/LaserScan tf2_msgs/msg/TFMessage cdr ros1 json zstd lz4 bz2 offered_qos_profiles",
+    "bag": "op= conn= time= size= compression= none bz2 lz4 index_pos= chunk_pos= topic= type= latching=1",
+    "db3": "cdr sensor_msgs/msg/LaserScan topics messages TABLE BLOB INTEGER",
     "carmen": "FLASER RLASER ODOM TRUEPOS ROBOTLASER1 ROBOTLASER2 LASER_READING nan inf 1e400 -1 100000 400 81.83",
     "cdr": "float64 float64[] string uint8[9] MSG: IDL: std_msgs/Header ros1msg ros2msg ros2idl module struct "
     "sequence<double> tf2_msgs/msg/TFMessage sensor_msgs/msg/LaserScan cdr ros1 json protobuf NaN Infinity null",
@@ -97,6 +100,24 @@ HARNESSES = {
                 f"{CONTAINERS}.mcap_shapes:_READ_BYTES": 200,
             },
             damage=fuzz_mcap.damaged,
+        ),
+        Harness(
+            "bag",
+            fuzz_bags.bag,
+            _modules(CONTAINERS, "bag_file", "bag_index", "bag_records", "bag_walk"),
+            2600,
+            bounds={
+                f"{CONTAINERS}.chunks:RESIDENT_BYTES": 3000,
+                f"{CONTAINERS}.inflate:ONE_SHOT_LIMIT": 1 << 16,
+                f"{CONTAINERS}.limits:FREE_BYTES": 1 << 20,
+            },
+        ),
+        Harness(
+            "db3",
+            fuzz_bags.db3,
+            _modules(CONTAINERS, "sqlite_file", "sqlite_pages", "sqlite_salvage", "sqlite_topics"),
+            8192,
+            bounds={f"{CONTAINERS}.limits:FREE_BYTES": 1 << 20},
         ),
         Harness(
             "carmen",

@@ -24,6 +24,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 import fuzz_mcap
+from fuzz_bag_seeds import odd_bags, odd_databases
 from fuzz_mcap_seeds import HEAD, LIES, scans_at
 from fuzz_seeds import LASER, TF, mcap_file, store_of
 from mcap.writer import CompressionType, Writer
@@ -97,6 +98,7 @@ _CONFIGS = {
     "laughs-in-rules": _LAUGHS + "rules: *a8\n",
     "alias-of-itself": "map: &m {type: *m}\n",
     "alias-of-nothing": "map: *nothing\n",
+    "anchor-twice": "map: &a {type: &a occupancy_grid}\nmission: {}\n",
     "duplicate-key": "mission: {}\nmission: {}\n",
     "python-object": "map: !!python/object/apply:os.system [echo hello]\n",
     "unknown-tag": "map: !danger {a: 1}\n",
@@ -585,6 +587,8 @@ def logs() -> Iterator[Nasty]:
         "ranges-huge": good.replace("1.0 2.0 3.0", "1e308 1e309 -1e308"),
         "ranges-words": good.replace("2.0", "two"),
         "stamps-nan": good.replace(".5 host", "nan host"),
+        "stamps-of-million-digits": good.replace(".5 host", "e999999 host"),
+        "stamps-beyond-numbers": good.replace(".5 host", "e999999999999 host"),
         "stamps-zero": "".join(line.format(n=1).replace("1.5", "0") for _ in range(5)),
         "stamps-beyond": good.replace(".5 host", "e300 host"),
         "comments": "# only\n# comments\n",
@@ -803,6 +807,10 @@ def bags() -> Iterator[Nasty]:
         "zeros": b"SQLite format 3\0" + bytes(5000),
     }.items():
         yield Nasty(f"db3-{name}", {"a.db3": data}, ("info", "@/a.db3"))
+    for name, data in odd_databases().items():
+        yield Nasty(f"db3-{name}", {"a.db3": data}, ("info", "@/a.db3"), hint="scan")
+    for name, data in odd_bags().items():
+        yield Nasty(f"bag-{name}", {"a.bag": data}, info, hint="scan")
     head = "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: mcap\n"
     whole = {"b/a.mcap": sound_recording()}
     for name, text in {

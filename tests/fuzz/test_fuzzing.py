@@ -16,7 +16,16 @@ from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-EXAMPLES = {"mcap": 300, "carmen": 250, "cdr": 400, "config": 250, "decision": 150, "layer": 300}
+EXAMPLES = {
+    "mcap": 300,
+    "bag": 250,
+    "db3": 250,
+    "carmen": 250,
+    "cdr": 400,
+    "config": 250,
+    "decision": 150,
+    "layer": 300,
+}
 SHORT = {"deadline": None, "database": None, "suppress_health_check": list(HealthCheck)}
 
 

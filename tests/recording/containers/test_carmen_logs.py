@@ -253,3 +253,13 @@ def test_real_logs(shared_data: Path, name: str) -> None:
     assert np.allclose(payload.directions[0], [0, -1])
     silent = ~payload.hits
     assert (payload.ranges_m[silent] == np.float32(no_return_m)).all()
+
+
+@pytest.mark.parametrize("stamp", ["1e999999", "1e999999999999", "-1e30", "nan", "inf"])
+def test_stamps_that_no_number_holds_cost_their_line(tmp_path: Path, stamp: str) -> None:
+    path = tmp_path / "a.log"
+    lines = [f"FLASER 2 1.0 2.0 0 0 0 0 0 0 {t} host {t}\n" for t in ("1.0", stamp, "2.0", "3.0")]
+    path.write_text("".join(lines))
+    with CarmenSource(path) as source:
+        assert [message.log_ns for message in source.messages()] == [10**9, 2 * 10**9, 3 * 10**9]
+        assert source.faults.count("line_unreadable") == 1

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from mapgraft.contracts.sources import Source
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.bag_folder import BagFolderSource
+from mapgraft.recording.containers.limits import ReadLimits
 from mapgraft.recording.containers.sqlite_file import SqliteSource
 
 THOROUGH = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -155,3 +156,42 @@ def test_loops_and_lies_end(bag: Bag, tmp_path: Path) -> None:
                 assert len(given_by(source)) <= 2 * len(bag.rows)
         except RecordingError as error:
             assert "cannot be read as a ROS 2 bag" in str(error)
+
+
+def test_no_message_is_made_larger_than_the_limits(bag: Bag, tmp_path: Path) -> None:
+    path = tmp_path / "large.db3"
+    path.write_bytes(bag.whole)
+    with sqlite3.connect(path) as database:
+        database.execute("INSERT INTO messages VALUES (1000, 1, 55, zeroblob(2000000))")
+    database.close()
+    with SqliteSource(path, limits=ReadLimits(chunk_bytes=1 << 20)) as source:
+        assert given_by(source) == bag.rows
+        assert source.faults.count("messages_lost") == 1
+    with SqliteSource(path) as source:
+        assert len(given_by(source)) == len(bag.rows) + 1
+
+
+def test_what_a_schema_computes_is_not_read(bag: Bag, tmp_path: Path) -> None:
+    """A few bytes of schema may stand for gigabytes in each row."""
+    path = tmp_path / "computed.db3"
+    path.write_bytes(bag.whole)
+    with sqlite3.connect(path) as database:
+        database.execute("ALTER TABLE messages ADD COLUMN more BLOB GENERATED ALWAYS AS (zeroblob(900000000)) VIRTUAL")
+    database.close()
+    with pytest.raises(RecordingError, match=r"computes messages\.more"):
+        SqliteSource(path)
+
+
+def test_topics_without_a_type_are_no_topics(bag: Bag, tmp_path: Path) -> None:
+    path = tmp_path / "typeless.db3"
+    path.write_bytes(bag.whole)
+    with sqlite3.connect(path) as database:
+        database.execute("PRAGMA writable_schema = ON")
+        database.execute("UPDATE sqlite_master SET sql = replace(sql, ' NOT NULL', '') WHERE name = 'topics'")
+    database.close()
+    with sqlite3.connect(path) as database:
+        database.execute("UPDATE topics SET type = NULL WHERE id = 2")
+    database.close()
+    with SqliteSource(path) as source:
+        assert given_by(source) == [row for row in bag.rows if row[0] == "/a"]
+        assert source.faults.count("database_damaged") == 1

@@ -17,14 +17,16 @@ from mapgraft.recording.containers.limits import DEFAULT_LIMITS, ReadLimits
 from mapgraft.recording.containers.scanning import scans_of
 from mapgraft.recording.containers.selection import Wanted, wanted
 from mapgraft.recording.containers.sqlite_salvage import SalvagedBag
-from mapgraft.recording.containers.sqlite_topics import Topic, read_topics
+from mapgraft.recording.containers.sqlite_topics import Topic, computed_columns, read_topics
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, Undecodable, codec_for
 from mapgraft.recording.decoding.names import message_type
 
 MAGIC = b"SQLite format 3\0"
 
 _INT64 = 2**63
-_TABLES = "SELECT name FROM sqlite_master WHERE type = 'table'"
+_LEAST_BYTES = 1 << 20  # of one value that may be read, whatever the limits: names and definitions are values, too
+_BROKEN = (sqlite3.Error, UnicodeDecodeError, AttributeError, TypeError, LookupError, OverflowError, MemoryError)
+_TABLES = "SELECT name FROM sqlite_master WHERE type = 'table' AND upper(sql) LIKE 'CREATE TABLE%'"
 _COUNTS = "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages GROUP BY topic_id"
 _ROWS = """
     SELECT id, topic_id, timestamp, data FROM messages
@@ -47,6 +49,7 @@ class SqliteSource:
         self._limits = limits
         self._salvaged: SalvagedBag | None = None
         self._database = _open(path, self.faults)
+        _distrust(self._database, limits)
         weakref.finalize(self, self._database.close)
         self._codecs: dict[int, Codec] = {}
         self._schemas: dict[int, SchemaText] = {}
@@ -58,17 +61,20 @@ class SqliteSource:
         self.start_ns: int | None = None
         self.end_ns: int | None = None
         try:
-            tables = {name for (name,) in self._database.execute(_TABLES)}
+            tables = {str(name) for (name,) in self._database.execute(_TABLES)}
             if not {"topics", "messages"} <= tables:
                 self._database.close()
                 raise RecordingError(
                     f"{self.path} is a database but no ROS 2 bag: it has no tables of topics and messages"
                 )
+            if computed := computed_columns(self._database):
+                self._database.close()
+                raise RecordingError(f"{self.path} computes {computed} where recorders write: it is not read")
             topics = read_topics(self._database, tables)
             rows = self._database.execute(_COUNTS).fetchall()
             if not all(isinstance(value, int) for row in rows for value in row):
                 raise TypeError("times and topics must be numbers")
-        except (sqlite3.Error, UnicodeDecodeError, AttributeError, TypeError) as error:
+        except _BROKEN as error:
             salvaged = self._salvage(error)
             self.start_ns, self.end_ns = salvaged.span_ns
             return salvaged.topics, salvaged.counts
@@ -80,7 +86,8 @@ class SqliteSource:
     def _salvage(self, error: Exception) -> SalvagedBag:
         """What the pages hold, from now on read without SQLite; raises RecordingError when that is no bag."""
         if self._salvaged is None:
-            sentence = f"the database is damaged or cut off ({error}): the rows that are left in its pages are read"
+            why = str(error) or "it asks for too much memory"
+            sentence = f"the database is damaged or cut off ({why}): the rows that are left in its pages are read"
             self.faults.add("database_damaged", sentence, place=0)
             try:
                 self._salvaged = SalvagedBag(self.path, self._limits)
@@ -134,7 +141,7 @@ class SqliteSource:
                     last = (message.log_ns, row)
                     yield message
                 return
-            except (sqlite3.Error, TypeError, KeyError) as error:
+            except _BROKEN as error:
                 if isinstance(error, sqlite3.ProgrammingError):
                     raise RecordingError(f"{self.path} was closed while it was still being read") from error
                 self._note_missing(self._salvage(error))
@@ -180,6 +187,16 @@ class SqliteSource:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _distrust(database: sqlite3.Connection, limits: ReadLimits) -> None:
+    """No value is made larger than the limits, and nothing that a schema says runs but what SQLite itself offers."""
+    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(limits.chunk_bytes, _LEAST_BYTES))
+    try:
+        database.execute("PRAGMA trusted_schema = OFF")
+        database.execute("PRAGMA cell_size_check = ON")
+    except sqlite3.Error:  # a broken database says so when it is read
+        return
 
 
 def _open(path: Path, faults: ReadFaults) -> sqlite3.Connection:

@@ -24,11 +24,24 @@ def read_topics(database: sqlite3.Connection, tables: Collection[str]) -> list[T
     definitions = {}
     if "message_definitions" in tables:
         rows = database.execute(_DEFINITIONS)
-        definitions = {name: (encoding, text.encode()) for name, encoding, text in rows}
+        definitions = {str(name): (str(encoding), text.encode()) for name, encoding, text in rows}
     columns = {row[1] for row in database.execute("PRAGMA table_info(topics)")}
     qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
-    rows = database.execute(f"SELECT id, name, type, serialization_format, {qos} FROM topics ORDER BY id")
+    rows = database.execute(f"SELECT id, name, type, serialization_format, {qos} FROM topics ORDER BY id").fetchall()
+    if not all(isinstance(value, str) for row in rows for value in row[1:4]):
+        raise TypeError("topics must have a name, a type and a format")
     return [
         Topic(number, topic, SchemaText(kind, *definitions.get(kind, ("ros2msg", b""))), encoding, str(profiles))
         for number, topic, kind, encoding, profiles in rows
     ]
+
+
+def computed_columns(database: sqlite3.Connection) -> str:
+    """The columns that a database's schema computes instead of holding them; empty when there are none."""
+    found = [
+        f"{table}.{row[1]}"
+        for table in ("topics", "messages", "message_definitions")
+        for row in database.execute(f"PRAGMA table_xinfo({table})")
+        if row[6]  # hidden: a generated column, or one of a virtual table
+    ]
+    return ", ".join(found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gzip
 import zlib
 from collections.abc import Iterator
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from io import BufferedIOBase
 from pathlib import Path
 from typing import NamedTuple
@@ -19,6 +19,7 @@ LONGEST_LINE_BYTES = 1 << 20
 _BLOCK_BYTES = 1 << 18
 
 _MOST_NS = 2**63 - 1
+_MOST_DIGITS = 20  # of the whole seconds; a few bytes may say a million
 
 
 class Line(NamedTuple):
@@ -91,8 +92,9 @@ def is_packed(path: Path) -> bool:
 def seconds_to_ns(text: bytes) -> int:
     """Nanoseconds of a decimal number of seconds, exactly; raises ValueError when it is none, or out of range."""
     try:
-        ns = int((Decimal(text.decode("ascii")) * 10**9).to_integral_value())
-    except (InvalidOperation, UnicodeDecodeError, OverflowError, ValueError) as error:
+        seconds = Decimal(text.decode("ascii"))
+        ns = int((seconds * 10**9).to_integral_value()) if seconds.adjusted() < _MOST_DIGITS else _MOST_NS + 1
+    except (ArithmeticError, ValueError) as error:
         raise ValueError(f"{text[:40]!r} is not a time in seconds") from error
     if abs(ns) > _MOST_NS:
         raise ValueError(f"{text[:40]!r} is not a time in seconds")
