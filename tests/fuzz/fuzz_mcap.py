@@ -179,7 +179,7 @@ def _message_index(number: int, entries: list[tuple[int, int]], told: Told) -> b
     if "entries_none" in told.wrong:
         entries = []
     body = b"".join(struct.pack("<QQ", log_ns, at) for log_ns, at in entries)
-    number += "entries_other" in told.wrong
+    number = (number + ("entries_other" in told.wrong)) & 0xFFFF
     if "entries_long" in told.wrong:
         return Record(MESSAGE_INDEX, struct.pack("<HI", number, len(body) + 16) + body).packed()
     return Record(MESSAGE_INDEX, struct.pack("<HI", number, len(body)) + body).packed()

@@ -27,12 +27,12 @@ def read_topics(database: sqlite3.Connection, tables: Collection[str]) -> list[T
         definitions = {str(name): (str(encoding), text.encode()) for name, encoding, text in rows}
     columns = {row[1] for row in database.execute("PRAGMA table_info(topics)")}
     qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
-    rows = database.execute(f"SELECT id, name, type, serialization_format, {qos} FROM topics ORDER BY id").fetchall()
-    if not all(isinstance(value, str) for row in rows for value in row[1:4]):
+    told = database.execute(f"SELECT id, name, type, serialization_format, {qos} FROM topics ORDER BY id").fetchall()
+    if not all(isinstance(value, str) for row in told for value in row[1:4]):
         raise TypeError("topics must have a name, a type and a format")
     return [
         Topic(number, topic, SchemaText(kind, *definitions.get(kind, ("ros2msg", b""))), encoding, str(profiles))
-        for number, topic, kind, encoding, profiles in rows
+        for number, topic, kind, encoding, profiles in told
     ]
 
 
