@@ -35,10 +35,12 @@ def read_gray(path: Path, most_pixels: int, *, asked_by: str = "") -> Gray:
 
     Raises MapError when it is missing, no image, or has more than ``most_pixels``.
     """
+    named = f", which {asked_by} names," if asked_by else ""
     try:
+        if path.exists() and not path.is_file():  # a pipe would be waited for
+            raise MapError(f"the map image {path}{named} is not a file")
         data = path.read_bytes()
     except OSError as fault:
-        named = f", which {asked_by} names," if asked_by else ""
         raise MapError(f"the map image {path}{named} cannot be read: {fault.strerror}") from fault
     if data[:2] in (b"P2", b"P5"):
         levels = _pgm(path.name, data, most_pixels)

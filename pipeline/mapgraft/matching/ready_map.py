@@ -13,6 +13,7 @@ from mapgraft.contracts import Layer, Map, MapError, MapMetadata, MapType, Obser
 from mapgraft.matching.pixels import Frame, frame_of
 from mapgraft.plugins import Plugins
 from mapgraft.procedures import Workshop
+from mapgraft.recording.naming import real_path
 from mapgraft.recording.robots.library import Library
 from mapgraft.reversal import Ledger
 
@@ -73,7 +74,7 @@ class Shelf:
         Raises MapError when the file is missing, cannot be read, or holds nothing that could be matched, ConfigError
         when an option is missing or impossible, FailedPluginError when a plugin fails.
         """
-        key = (path.resolve(), repr(sorted(options.items())))
+        key = (real_path(path), repr(sorted(options.items())))
         if key not in self._read:
             self._read[key] = self._made(path, options)
         return self._read[key]

@@ -232,11 +232,6 @@ def open_mission(paths: Sequence[Path], config: Config, *, plugins: Plugins | No
             roster = call_roll(paths, config, library)
         if not roster.plans and not roster.map_files:
             raise RecordingError(nothing_found(roster))
-        if (robots := len(roster.plans) + len(roster.map_files)) > config.limits.robots:
-            raise RecordingError(
-                f"the recording shows {robots:,} robots, each of which would meet all others: give only the files of "
-                f"those that are meant, or raise limits.robots ({config.limits.robots:,})"
-            )
         return Mission(roster, library, config)
     except BaseException:
         library.close()

@@ -19,7 +19,7 @@ from mapgraft.recording.containers.limits import DEFAULT_LIMITS, ReadLimits
 from mapgraft.recording.containers.mcap_file import McapSource
 from mapgraft.recording.containers.scanning import scans_of
 from mapgraft.recording.containers.sqlite_file import SqliteSource
-from mapgraft.recording.containers.zstd_files import unpack_file, unpack_message
+from mapgraft.recording.containers.zstd_files import Unpacking, unpack_message
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE
 
 T = TypeVar("T", RawMessage, RecordedScan)
@@ -55,11 +55,13 @@ class BagFolderSource:
     def _open(self, layout: BagLayout, typestore: str) -> list[Source]:
         parts: list[Source] = []
         problems: list[RecordingError] = []
+        unpacking = None
+        if self._workspace is not None:
+            packed_bytes = sum(file.stat().st_size for file in layout.files)
+            unpacking = Unpacking(Path(self._workspace.name), packed_bytes, self._limits)
         for file in layout.files:
             try:
-                stored = file
-                if self._workspace is not None:
-                    stored = unpack_file(file, Path(self._workspace.name), self._limits)
+                stored = file if unpacking is None else unpacking.unpack(file)
                 parts.append(_open_storage(stored, typestore, self._limits))
             except RecordingError as error:
                 problems.append(error)

@@ -11,6 +11,7 @@ from typing import Any
 from mapgraft.contracts.sources import ReadFaults
 from mapgraft.documents import parse_yaml, read_text
 from mapgraft.errors import RecordingError
+from mapgraft.recording.naming import real_path
 
 METADATA = "metadata.yaml"
 SUFFIXES = (".db3", ".mcap")
@@ -57,16 +58,17 @@ def _told(folder: Path, faults: ReadFaults) -> BagLayout | None:
         why = error if isinstance(error, _UnusableError) else type(error).__name__
         faults.add("metadata_damaged", f"{METADATA} cannot be used ({why}): it is left aside")
         return None
-    files = []
+    files: dict[Path, Path] = {}  # by where they lead to
     for number, name in enumerate(names):
         path = folder / name
         if path.is_file():
-            files.append(path)
+            if files.setdefault(real_path(path), path) is not path:
+                faults.add("metadata_damaged", f"{METADATA} names {name} more than once: it counts once", place=number)
         else:
             faults.add("part_missing", f"{name}, a part of the bag, is not in its folder", place=number)
     if not files:
         raise RecordingError(f"no file that {folder / METADATA} names is there ({', '.join(names) or 'none'})")
-    return BagLayout(tuple(files), compression)
+    return BagLayout(tuple(files.values()), compression)
 
 
 def _parsed(path: Path) -> object:

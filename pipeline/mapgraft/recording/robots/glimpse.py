@@ -75,8 +75,9 @@ class Glimpse:
 
 
 def glimpse(source: Source, payloads: Payloads) -> Glimpse:
-    """Look into a source; raises RecordingError when the file cannot be read."""
+    """Look into a source; raises RecordingError when the file cannot be read, or has topics without end."""
     usable = [channel for channel in source.channels if channel.decodable and channel.count != 0]
+    payloads.check_topics(source.path, len({channel.topic for channel in usable if _concerns_us(channel, payloads)}))
     seen_payloads: list[SeenPayload] = []
     broken: list[str] = []
     for channel in _one_per_topic(usable):

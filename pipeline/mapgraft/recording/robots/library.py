@@ -14,6 +14,7 @@ from mapgraft.guard import Guard
 from mapgraft.plugins import Plugins
 from mapgraft.recording.containers.limits import ReadLimits
 from mapgraft.recording.containers.opening import Reader, open_source
+from mapgraft.recording.naming import real_path
 from mapgraft.recording.robots.glimpse import Glimpse, glimpse
 from mapgraft.recording.robots.payloads import Decoder, Payloads, checked_size
 from mapgraft.recording.robots.strangers import GuardedSource, called, decoded
@@ -53,7 +54,7 @@ class Library:
 
     def look(self, path: Path) -> Glimpse:
         """The recording at a path, opened when it is asked for first; raises RecordingError when it cannot be read."""
-        key = path.resolve()
+        key = real_path(path)
         if key not in self._glimpses:
             bounds = ReadLimits(self._limits.chunk_bytes, self._limits.expansion)
             source = open_source(path, typestore=self._typestore, readers=self._readers, limits=bounds)
@@ -84,6 +85,8 @@ class Library:
         ``warn`` is handed to formats that take it, for what is probably not meant. The option ``format`` names a format
         instead of the one that the file's name tells.
         """
+        if not path.is_file():  # a pipe would be waited for
+            raise RecordingError(f"{path} is not a file: it cannot be a map")
         options = dict(options)
         name = str(options.pop("format", None) or self.format_of(path) or "") or None
         if name is None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from mapgraft.config import Config, RobotConfig
 from mapgraft.contracts import ConfigError, RecordingError
-from mapgraft.recording.naming import stem, told_apart
+from mapgraft.recording.naming import real_path, stem, told_apart
 from mapgraft.recording.robots.agreement import brought_together
 from mapgraft.recording.robots.discovery import FoundRobot, discover
 from mapgraft.recording.robots.glimpse import Glimpse
@@ -44,10 +44,10 @@ class Roster:
 def call_roll(paths: Sequence[Path], config: Config, library: Library) -> Roster:
     """Find the robots in the files and in the configuration.
 
-    Raises RecordingError when a file cannot be read or a configured robot cannot be mapped, ConfigError when the
-    configuration speaks of what is not there.
+    Raises RecordingError when a file cannot be read, a configured robot cannot be mapped, or there are more robots than
+    the limits allow, ConfigError when the configuration speaks of what is not there.
     """
-    for path, times in Counter(path.resolve() for path in paths).items():
+    for path, times in Counter(real_path(path) for path in paths).items():
         if times > 1:
             raise RecordingError(f"{path} is given {times} times: name every file once")
     paths = [*paths, *further_files(paths, config)]
@@ -56,6 +56,7 @@ def call_roll(paths: Sequence[Path], config: Config, library: Library) -> Roster
     call = _Call(config, library, _discovered(glimpses, config), _named_maps(map_paths))
     for name, robot in config.robots.items():
         call.configured(name, robot)
+    call.check_number()
     call.rest()
     plans = brought_together(sorted(call.plans, key=lambda plan: plan.name), config)
     maps = tuple(sorted(call.map_files, key=lambda file: file.name))
@@ -77,13 +78,13 @@ def further_files(paths: Sequence[Path], config: Config) -> list[Path]:
 
 def _discovered(glimpses: Sequence[Glimpse], config: Config) -> tuple[FoundRobot, ...]:
     """The robots in all files, but for maps in files that are there for their poses only."""
-    pose_files = {robot.poses.file.resolve() for robot in config.robots.values() if robot.poses.file is not None}
+    pose_files = {real_path(robot.poses.file) for robot in config.robots.values() if robot.poses.file is not None}
     named = {pattern for robot in config.robots.values() for pattern in robot.files}
     return discover(
         [
             g
             for g in glimpses
-            if g.source.path.resolve() not in pose_files
+            if real_path(g.source.path) not in pose_files
             or any(seen.kind == "scan" for seen in g.payloads)
             or any(matches(g.source.path, pattern) for pattern in named)
         ]
@@ -100,7 +101,7 @@ def matches(path: Path, pattern: str) -> bool:
         pattern in (str(path), path.name, stem(path))
         or fnmatch(path.name, pattern)
         or fnmatch(str(path), pattern)
-        or (path.exists() and Path(pattern).exists() and path.resolve() == Path(pattern).resolve())
+        or (path.exists() and Path(pattern).exists() and real_path(path) == real_path(Path(pattern)))
     )
 
 
@@ -131,14 +132,23 @@ class _Call:
             raise RecordingError(f"robot {name} cannot be mapped: {plan.reason}")
         self.plans.append(plan)
 
+    def check_number(self) -> None:
+        """Raise RecordingError when there are more robots than the limits allow: looking at each costs time, too."""
+        left = sum(1 for name in (*self._found, *self._maps) if name not in self._taken)
+        robots, most = len(self.plans) + len(self.map_files) + left, self._config.limits.robots
+        if robots > most:
+            raise RecordingError(
+                f"the recording shows {robots:,} robots, each of which would meet all others: give only the files of "
+                f"those that are meant, or raise limits.robots ({most:,})"
+            )
+
     def rest(self) -> None:
         """Plan all discovered robots that the configuration did not take."""
         names = {plan.name for plan in self.plans} | {file.name for file in self.map_files}
+        payloads, clock = self._library.payloads, self._config.mission.clock
         for name, found in self._found.items():
             if name not in self._taken:
-                plan = plan_robot(
-                    _free(name, names), [found], RobotConfig(), None, self._library.payloads, self._config.mission.clock
-                )
+                plan = plan_robot(_free(name, names), [found], RobotConfig(), None, payloads, clock)
                 if isinstance(plan, Unmappable):
                     self.unmappable.append(plan)
                 else:
