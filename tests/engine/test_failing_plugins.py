@@ -309,14 +309,25 @@ def test_a_call_that_takes_too_long_is_ended(hang):
             assert sum(range(10)) == 45
 
 
-def test_one_that_took_too_long_is_set_aside_at_once_and_the_outermost_is_to_blame():
+def test_one_that_took_too_long_is_set_aside_at_once_and_the_innermost_is_to_blame():
     guard = Guard(SHORT)
     blamed = pytest.raises(FailedPluginError)
     with guard.armed(), blamed as caught, guard.calling("matcher", "outer"), guard.calling("metric", "inner"):
         _forever()
-    assert caught.value.plugin == ("matcher", "outer")
+    assert caught.value.plugin == ("metric", "inner")
     guard.note(caught.value)
-    assert "took too long" in guard.set_aside["matcher", "outer"]
+    assert "took too long" in guard.set_aside["metric", "inner"]
+    assert guard.refused("metric", "inner")
+    assert not guard.refused("matcher", "outer")
+
+
+def test_whoever_asks_others_without_end_is_to_blame_and_not_they():
+    guard = Guard(SHORT)
+    with guard.armed(), pytest.raises(FailedPluginError) as caught, guard.calling("matcher", "outer"):
+        while True:
+            with guard.calling("metric", "inner"):
+                sum(range(100))
+    assert caught.value.plugin == ("matcher", "outer")
 
 
 def test_without_the_main_thread_there_is_no_limit_but_failures_are_named():
