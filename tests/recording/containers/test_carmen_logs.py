@@ -263,3 +263,11 @@ def test_stamps_that_no_number_holds_cost_their_line(tmp_path: Path, stamp: str)
     with CarmenSource(path) as source:
         assert [message.log_ns for message in source.messages()] == [10**9, 2 * 10**9, 3 * 10**9]
         assert source.faults.count("line_unreadable") == 1
+
+
+@pytest.mark.parametrize("stamp", ["0e300", "0e999999999999", "-0e99"])
+def test_zero_is_zero_however_it_is_written(tmp_path: Path, stamp: str) -> None:
+    path = tmp_path / "a.log"
+    path.write_text(f"FLASER 2 1.0 2.0 0 0 0 0 0 0 {stamp} host {stamp}\n")
+    with CarmenSource(path) as source:
+        assert [message.log_ns for message in source.messages()] == [0]

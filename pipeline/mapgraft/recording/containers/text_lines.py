@@ -93,7 +93,9 @@ def seconds_to_ns(text: bytes) -> int:
     """Nanoseconds of a decimal number of seconds, exactly; raises ValueError when it is none, or out of range."""
     try:
         seconds = Decimal(text.decode("ascii"))
-        ns = int((seconds * 10**9).to_integral_value()) if seconds.adjusted() < _MOST_DIGITS else _MOST_NS + 1
+        if seconds and seconds.adjusted() > _MOST_DIGITS:
+            raise ValueError("out of range")
+        ns = int((seconds * 10**9).to_integral_value()) if seconds else 0
     except (ArithmeticError, ValueError) as error:
         raise ValueError(f"{text[:40]!r} is not a time in seconds") from error
     if abs(ns) > _MOST_NS:
