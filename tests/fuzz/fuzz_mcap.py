@@ -59,7 +59,16 @@ class Told:
 
 
 WRONG = ("summary_crc", "summary_start", "index_offset", "index_times")
-WRONG += ("entries", "entries_order", "entries_few", "entries_none", "entries_long", "entries_other", "count")
+WRONG += (
+    "index_nowhere",
+    "entries",
+    "entries_order",
+    "entries_few",
+    "entries_none",
+    "entries_long",
+    "entries_other",
+    "count",
+)
 
 
 def text(value: str) -> bytes:
@@ -199,7 +208,8 @@ def _summary(items: Sequence[Record | Chunk], written: Sequence[_Written], told:
     for one in written if told.chunk_indexes else ():
         begin = one.begin + 7 * ("index_offset" in told.wrong)
         start = one.start_ns + 2 * S * ("index_times" in told.wrong)
-        offsets = b"".join(struct.pack("<HQ", *pair) for pair in one.indexes.items())
+        nowhere = 2**63 * ("index_nowhere" in told.wrong)
+        offsets = b"".join(struct.pack("<HQ", number, at + nowhere) for number, at in one.indexes.items())
         head = struct.pack("<QQQQI", min(start, 2**64 - 1), one.end_ns, begin, one.length, len(offsets)) + offsets
         tail = struct.pack("<Q", one.index_length) + text(one.compression) + struct.pack("<QQ", one.packed, one.size)
         out += Record(CHUNK_INDEX, head + tail).packed()

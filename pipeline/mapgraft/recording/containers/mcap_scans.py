@@ -79,7 +79,7 @@ def indexed_counts(view: memoryview, indexes: Mapping[int, int]) -> dict[int, in
 def _entries(view: memoryview, at: int, channel_id: int) -> Entries | None:
     try:
         opcode, length, channel, size = _index_head(view, at)
-    except struct.error:
+    except (struct.error, OverflowError):  # an offset beyond all memory
         return None
     if opcode != OPCODE_MESSAGE_INDEX or channel != channel_id or size != length - 6 or size % 16:
         return None
