@@ -115,9 +115,9 @@ HARNESSES = {
         Harness(
             "db3",
             fuzz_bags.db3,
-            _modules(CONTAINERS, "sqlite_file", "sqlite_pages", "sqlite_salvage", "sqlite_topics"),
+            _modules(CONTAINERS, "sqlite_file", "sqlite_opening", "sqlite_pages", "sqlite_salvage", "sqlite_topics"),
             8192,
-            bounds={f"{CONTAINERS}.limits:FREE_BYTES": 1 << 20},
+            bounds={f"{CONTAINERS}.limits:FREE_BYTES": 1 << 20, f"{CONTAINERS}.sqlite_opening:FREE_STEPS": 100_000},
         ),
         Harness(
             "carmen",

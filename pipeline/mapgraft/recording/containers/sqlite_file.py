@@ -16,17 +16,18 @@ from mapgraft.recording.containers.latching import keeps_last
 from mapgraft.recording.containers.limits import DEFAULT_LIMITS, ReadLimits
 from mapgraft.recording.containers.scanning import scans_of
 from mapgraft.recording.containers.selection import Wanted, wanted
+from mapgraft.recording.containers.sqlite_opening import StepLimit, open_database, plain_tables
 from mapgraft.recording.containers.sqlite_salvage import SalvagedBag
-from mapgraft.recording.containers.sqlite_topics import Topic, computed_columns, read_topics
+from mapgraft.recording.containers.sqlite_topics import Topic, read_topics
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, Undecodable, codec_for
 from mapgraft.recording.decoding.names import message_type
 
-MAGIC = b"SQLite format 3\0"
-
 _INT64 = 2**63
-_LEAST_BYTES = 1 << 20  # of one value that may be read, whatever the limits: names and definitions are values, too
 _BROKEN = (sqlite3.Error, UnicodeDecodeError, AttributeError, TypeError, LookupError, OverflowError, MemoryError)
-_TABLES = "SELECT name FROM sqlite_master WHERE type = 'table' AND upper(sql) LIKE 'CREATE TABLE%'"
+_SIZES = """
+    SELECT TOTAL(typeof(topic_id) <> 'integer' OR typeof(timestamp) <> 'integer'),
+        TOTAL(CASE typeof(data) WHEN 'blob' THEN length(data) END) FROM messages
+"""
 _COUNTS = "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages GROUP BY topic_id"
 _ROWS = """
     SELECT id, topic_id, timestamp, data FROM messages
@@ -48,9 +49,9 @@ class SqliteSource:
         self.faults = ReadFaults()
         self._limits = limits
         self._salvaged: SalvagedBag | None = None
-        self._database = _open(path, self.faults)
-        _distrust(self._database, limits)
+        self._database = open_database(path, self.faults, limits)
         weakref.finalize(self, self._database.close)
+        self._steps = StepLimit(self._database, path)
         self._codecs: dict[int, Codec] = {}
         self._schemas: dict[int, SchemaText] = {}
         topics, counts = self._contents()
@@ -61,19 +62,7 @@ class SqliteSource:
         self.start_ns: int | None = None
         self.end_ns: int | None = None
         try:
-            tables = {str(name) for (name,) in self._database.execute(_TABLES)}
-            if not {"topics", "messages"} <= tables:
-                self._database.close()
-                raise RecordingError(
-                    f"{self.path} is a database but no ROS 2 bag: it has no tables of topics and messages"
-                )
-            if computed := computed_columns(self._database):
-                self._database.close()
-                raise RecordingError(f"{self.path} computes {computed} where recorders write: it is not read")
-            topics = read_topics(self._database, tables)
-            rows = self._database.execute(_COUNTS).fetchall()
-            if not all(isinstance(value, int) for row in rows for value in row):
-                raise TypeError("times and topics must be numbers")
+            topics, rows = self._told()
         except _BROKEN as error:
             salvaged = self._salvage(error)
             self.start_ns, self.end_ns = salvaged.span_ns
@@ -82,6 +71,25 @@ class SqliteSource:
             self.start_ns = min(start_ns for _, _, start_ns, _ in rows)
             self.end_ns = max(end_ns for _, _, _, end_ns in rows)
         return topics, {number: count for number, count, _, _ in rows}
+
+    def _told(self) -> tuple[Sequence[Topic], list[tuple[int, int, int, int]]]:
+        """The topics, and the id, number of messages, first and last time of each; raises one of ``_BROKEN``."""
+        self._steps.begin()
+        tables, computed = plain_tables(self._database)
+        if computed or not {"topics", "messages"} <= tables:
+            self._database.close()
+            if computed:
+                raise RecordingError(f"{self.path} computes {computed} where recorders write: it is not read")
+            raise RecordingError(f"{self.path} is a database but no ROS 2 bag: it has no tables of topics and messages")
+        topics = read_topics(self._database, tables, self._limits.chunk_bytes)
+        self._steps.begin()
+        ((strange, size),) = self._database.execute(_SIZES).fetchall()
+        if strange:
+            raise TypeError("times and topics must be numbers")
+        if size > self._steps.stored_bytes:
+            raise TypeError("its rows share pages")
+        self._steps.begin()
+        return topics, self._database.execute(_COUNTS).fetchall()
 
     def _salvage(self, error: Exception) -> SalvagedBag:
         """What the pages hold, from now on read without SQLite; raises RecordingError when that is no bag."""
@@ -153,10 +161,11 @@ class SqliteSource:
         """Rows and messages that come after a (log time, row)."""
         if not want.channels:
             return
+        self._steps.begin()
         marks = ",".join("?" * len(want.channels))
         window = (max(after[0], -_INT64), after[1], max(want.start_ns, -_INT64), min(want.end_ns, _INT64 - 1))
         for row, number, log_ns, data in self._database.execute(_ROWS.format(marks), (*window, *want.channels)):
-            if isinstance(log_ns, int) and isinstance(data, bytes):
+            if isinstance(row, int) and isinstance(log_ns, int) and isinstance(data, bytes):
                 yield row, RawMessage(want.channels[number], log_ns, data)
             else:
                 sentence = f"row {row} of the messages holds no time or no bytes: it is left out"
@@ -187,35 +196,3 @@ class SqliteSource:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def _distrust(database: sqlite3.Connection, limits: ReadLimits) -> None:
-    """No value is made larger than the limits, and nothing that a schema says runs but what SQLite itself offers."""
-    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(limits.chunk_bytes, _LEAST_BYTES))
-    try:
-        database.execute("PRAGMA trusted_schema = OFF")
-        database.execute("PRAGMA cell_size_check = ON")
-    except sqlite3.Error:  # a broken database says so when it is read
-        return
-
-
-def _open(path: Path, faults: ReadFaults) -> sqlite3.Connection:
-    """Open read-only; what a killed recorder left in its write-ahead log is read where the folder allows it."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(len(MAGIC))
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be read: {error.strerror or error}") from error
-    if head != MAGIC:
-        what = "empty (0 bytes)" if not head else "not a database"
-        raise RecordingError(f"{path} is {what}: it cannot be a ROS 2 bag")
-    address = path.resolve().as_uri() + "?mode=ro"
-    log = path.with_name(path.name + "-wal")
-    if log.exists() and log.stat().st_size:
-        try:
-            database = sqlite3.connect(address, uri=True, check_same_thread=False)
-            database.execute(_TABLES).fetchall()
-            return database
-        except sqlite3.Error:
-            faults.add("log_unread", f"{log.name} beside the bag cannot be read: the last messages may be missing")
-    return sqlite3.connect(f"{address}&immutable=1", uri=True, check_same_thread=False)
