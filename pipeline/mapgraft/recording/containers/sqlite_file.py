@@ -24,11 +24,15 @@ from mapgraft.recording.decoding.names import message_type
 
 _INT64 = 2**63
 _BROKEN = (sqlite3.Error, UnicodeDecodeError, AttributeError, TypeError, LookupError, OverflowError, MemoryError)
-_SIZES = """
-    SELECT TOTAL(typeof(topic_id) <> 'integer' OR typeof(timestamp) <> 'integer'),
-        TOTAL(CASE typeof(data) WHEN 'blob' THEN length(data) END) FROM messages
+# In one pass over the rows' heads: the LIMIT keeps SQLite from sorting whole rows, and a value of another type, which
+# may be large and shared by many rows, is not loaded.
+_COUNTS = """
+    SELECT topic, COUNT(*), MIN(time), MAX(time), COUNT(*) - COUNT(time), TOTAL(size) FROM (
+        SELECT CASE typeof(topic_id) WHEN 'integer' THEN topic_id END AS topic,
+            CASE typeof(timestamp) WHEN 'integer' THEN timestamp END AS time,
+            CASE typeof(data) WHEN 'blob' THEN length(data) END AS size FROM messages LIMIT -1
+    ) GROUP BY topic
 """
-_COUNTS = "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages GROUP BY topic_id"
 _ROWS = """
     SELECT id, topic_id, timestamp, data FROM messages
     WHERE (timestamp, id) > (?, ?) AND timestamp BETWEEN ? AND ? AND topic_id IN ({}) ORDER BY timestamp, id
@@ -83,13 +87,12 @@ class SqliteSource:
             raise RecordingError(f"{self.path} is a database but no ROS 2 bag: it has no tables of topics and messages")
         topics = read_topics(self._database, tables, self._limits.chunk_bytes)
         self._steps.begin()
-        ((strange, size),) = self._database.execute(_SIZES).fetchall()
-        if strange:
+        rows = self._database.execute(_COUNTS).fetchall()
+        if any(number is None or strange for number, _, _, _, strange, _ in rows):
             raise TypeError("times and topics must be numbers")
-        if size > self._steps.stored_bytes:
+        if sum(size for *_, size in rows) > self._steps.stored_bytes:
             raise TypeError("its rows share pages")
-        self._steps.begin()
-        return topics, self._database.execute(_COUNTS).fetchall()
+        return topics, [row[:4] for row in rows]
 
     def _salvage(self, error: Exception) -> SalvagedBag:
         """What the pages hold, from now on read without SQLite; raises RecordingError when that is no bag."""
