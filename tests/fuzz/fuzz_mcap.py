@@ -235,13 +235,15 @@ def _opened(record: Record) -> Chunk | None:
         (named,) = struct.unpack_from("<I", record.body, 28)
         name, packed = record.body[32 : 32 + named].decode(), record.body[40 + named :]
         if name == "zstd":
+            if zstandard.frame_content_size(packed) > 1 << 16:
+                return None
             packed = zstandard.ZstdDecompressor().decompress(packed, max_output_size=1 << 16)
         elif name == "lz4":
             packed = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=1 << 16)
         elif name == "bz2":
             packed = bz2.BZ2Decompressor().decompress(packed, max_length=1 << 16)
         return Chunk(tuple(_records(packed)), name if name in _PACK else "")
-    except (struct.error, ValueError, RuntimeError, OSError, EOFError, zstandard.ZstdError):
+    except (struct.error, ValueError, RuntimeError, OSError, EOFError, MemoryError, zstandard.ZstdError):
         return None
 
 

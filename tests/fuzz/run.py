@@ -33,8 +33,8 @@ from fuzz_mutations import mutated
 from fuzz_targets import HARNESSES, Harness, bounded
 
 LONGEST_S, MOST_MB = 5, 500
-SLICE = 100_000
-"""Executions of one process: what is done by then is counted, whatever comes."""
+SLICE = 25_000
+"""Executions of one process: what is done by then is counted, whatever comes, and what the engine keeps is given back."""
 
 
 def main() -> int:
