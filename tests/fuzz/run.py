@@ -34,7 +34,7 @@ from fuzz_targets import HARNESSES, Harness, bounded
 
 LONGEST_S, MOST_MB = 5, 500
 SLICE = 25_000
-"""Executions of one process: what is done by then is counted, whatever comes, and what the engine keeps is given back."""
+"""Executions of one process: by then they are counted, whatever comes, and the engine gives its memory back."""
 
 
 def main() -> int:
