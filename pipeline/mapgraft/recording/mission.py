@@ -77,6 +77,7 @@ class Mission:
         self._map_files = roster.map_files
         self.glimpses = roster.glimpses
         self.unmappable = roster.unmappable
+        self._unread = roster.unread
         self.tally = Tally()
         self._faults = ReadFaults()
         names = [*(file.name for file in roster.map_files), *(plan.name for plan in roster.plans)]
@@ -118,7 +119,7 @@ class Mission:
     def faults(self) -> list[tuple[str, Fault]]:
         """What was lost or odd as far as the files were read, each with the name of its file."""
         faults = [(g.source.path.name, fault) for g in self.all_glimpses for fault in g.source.faults]
-        return [*faults, *(("the poses", fault) for fault in self._faults)]
+        return [*self._unread, *faults, *(("the poses", fault) for fault in self._faults)]
 
     @property
     def all_glimpses(self) -> tuple[Glimpse, ...]:
@@ -248,7 +249,7 @@ def nothing_found(roster: Roster) -> str:
     """A sentence on why the files hold no robot that can be mapped."""
     reasons = [f"robot {name}: {reason}" for name, reason in roster.unmappable]
     reasons += [sentence for g in roster.glimpses for sentence in g.undecodable]
-    faults = [(g.source.path.name, fault) for g in roster.glimpses for fault in g.source.faults]
+    faults = [*roster.unread, *((g.source.path.name, fault) for g in roster.glimpses for fault in g.source.faults)]
     lost = "".join(f"; {sentence}" for sentence in fault_sentences(faults))
     if reasons:
         return f"nothing to map: {'; '.join(reasons)}{lost}"

@@ -13,7 +13,7 @@ from mapgraft.errors import FailedPluginError
 from mapgraft.guard import Guard
 from mapgraft.plugins import Plugins
 from mapgraft.recording.containers.limits import ReadLimits
-from mapgraft.recording.containers.opening import Reader, open_source
+from mapgraft.recording.containers.opening import Reader, is_named_as_recording, open_source
 from mapgraft.recording.naming import real_path
 from mapgraft.recording.robots.glimpse import Glimpse, glimpse
 from mapgraft.recording.robots.payloads import Decoder, Payloads, checked_size
@@ -64,6 +64,10 @@ class Library:
                 source.close()
                 raise
         return self._glimpses[key]
+
+    def is_named_as_recording(self, path: Path) -> bool:
+        """Whether there is something at the path that is called as recordings are, whatever it holds."""
+        return is_named_as_recording(path, self._readers)
 
     def format_of(self, path: Path) -> str | None:
         """The name of the installed format that reads this kind of map file, None when the file is no map.

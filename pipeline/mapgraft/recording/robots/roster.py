@@ -10,6 +10,7 @@ from pathlib import Path
 
 from mapgraft.config import Config, RobotConfig
 from mapgraft.contracts import ConfigError, RecordingError
+from mapgraft.contracts.sources import Fault
 from mapgraft.recording.naming import real_path, stem, told_apart
 from mapgraft.recording.robots.agreement import brought_together
 from mapgraft.recording.robots.discovery import FoundRobot, discover
@@ -33,26 +34,31 @@ class MapFile:
 
 @dataclass(frozen=True, slots=True)
 class Roster:
-    """All robots of a mission, by name, and those that were found but cannot be mapped."""
+    """All robots of a mission, by name, and those that were found but cannot be mapped.
+
+    ``unread`` are the files that could not be opened, by name, each with the reason.
+    """
 
     plans: tuple[RobotPlan, ...]
     map_files: tuple[MapFile, ...]
     unmappable: tuple[Unmappable, ...]
     glimpses: tuple[Glimpse, ...]
+    unread: tuple[tuple[str, Fault], ...] = ()
 
 
 def call_roll(paths: Sequence[Path], config: Config, library: Library) -> Roster:
     """Find the robots in the files and in the configuration.
 
-    Raises RecordingError when a file cannot be read, a configured robot cannot be mapped, or there are more robots than
-    the limits allow, ConfigError when the configuration speaks of what is not there.
+    A recording that cannot be opened is left out beside others that can. Raises RecordingError when none can, when a
+    file is no recording at all, when a configured robot cannot be mapped or its files not be read, or when there are
+    more robots than the limits allow, ConfigError when the configuration speaks of what is not there.
     """
     for path, times in Counter(real_path(path) for path in paths).items():
         if times > 1:
             raise RecordingError(f"{path} is given {times} times: name every file once")
     paths = [*paths, *further_files(paths, config)]
     map_paths = [path for path in paths if library.format_of(path) is not None]
-    glimpses = [library.look(path) for path in paths if path not in map_paths]
+    glimpses, unread = _looked_into([path for path in paths if path not in map_paths], config, library)
     call = _Call(config, library, _discovered(glimpses, config), _named_maps(map_paths))
     for name, robot in config.robots.items():
         call.configured(name, robot)
@@ -60,7 +66,29 @@ def call_roll(paths: Sequence[Path], config: Config, library: Library) -> Roster
     call.rest()
     plans = brought_together(sorted(call.plans, key=lambda plan: plan.name), config)
     maps = tuple(sorted(call.map_files, key=lambda file: file.name))
-    return Roster(plans, maps, tuple(call.unmappable), tuple(glimpses))
+    return Roster(plans, maps, tuple(call.unmappable), tuple(glimpses), tuple(unread))
+
+
+def _looked_into(
+    paths: Sequence[Path], config: Config, library: Library
+) -> tuple[list[Glimpse], list[tuple[str, Fault]]]:
+    """The recordings that can be opened, and the others, by name, with the reasons."""
+    glimpses: list[Glimpse] = []
+    errors: list[RecordingError] = []
+    unread: list[tuple[str, Fault]] = []
+    wanted = [pattern for robot in config.robots.values() for pattern in robot.files]
+    for path in paths:
+        try:
+            glimpses.append(library.look(path))
+        except RecordingError as error:
+            if not library.is_named_as_recording(path) or any(matches(path, pattern) for pattern in wanted):
+                raise
+            errors.append(error)
+            why = str(error).replace(str(path), path.name)
+            unread.append((path.name, Fault("unreadable", "", 1, f"{why}: it is left out")))
+    if errors and not glimpses:
+        raise errors[0] if len(errors) == 1 else RecordingError("; ".join(map(str, errors)))
+    return glimpses, unread
 
 
 def further_files(paths: Sequence[Path], config: Config) -> list[Path]:
