@@ -12,6 +12,7 @@ MapgraftError                  exit code 1; one sentence: what, what was found, 
 ├── MapError                   a map cannot be read, is empty, or does not fit the operation
 │   └── EmptyMapError          the map knows nothing yet
 ├── ReversalError              a merge cannot be made, replaced or taken out
+│   └── IrreversibleError      a map type failed to take a merge out again, which therefore stands
 └── OutputError                the output folder cannot be written
 """
 
@@ -82,6 +83,10 @@ class EmptyMapError(MapError):
 
 class ReversalError(MapgraftError):
     """A merge cannot be made, replaced or taken out."""
+
+
+class IrreversibleError(ReversalError):
+    """A map type failed to take a merge out again, which therefore stands; an event tells it."""
 
 
 class OutputError(MapgraftError):

@@ -40,6 +40,7 @@ class Guard:
     limits: LimitsConfig = field(default_factory=LimitsConfig)
     failures: dict[Asked, int] = field(default_factory=dict)
     set_aside: dict[Asked, str] = field(default_factory=dict)
+    untold: list[tuple[str, FailedPluginError]] = field(default_factory=list)  # robot, what a sink met with its map
     _until_s: float | None = None
     _is_armed: bool = False
 
@@ -83,6 +84,11 @@ class Guard:
             signal.signal(signal.SIGALRM, alarm)
             if ctrl_c is signal.default_int_handler:
                 signal.signal(signal.SIGINT, ctrl_c)
+
+    def take_untold(self) -> list[tuple[str, FailedPluginError]]:
+        """What sinks met since this was last called: they have no voice in the history themselves."""
+        found, self.untold = self.untold, []
+        return found
 
     def start(self) -> bool:
         """Begin to count the time, unless somebody has; whether it was begun."""

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from mapgraft.attempt import Attempt
 from mapgraft.contracts import Exactness, MapMetadata, MapType, Match, Measurement, Provenance, Sample, Transform
 from mapgraft.decision import Ruling
-from mapgraft.errors import FailedPluginError
+from mapgraft.errors import FailedPluginError, SetAsideError
 from mapgraft.events import DonorMap, Event, Kind, Sink, Snapshot
 from mapgraft.merge import Merge
 from mapgraft.procedures import Tools
@@ -152,7 +152,7 @@ class Journal:
                 "merge_id": merge.merge_id,
                 "state": merge.state,
             }
-        by = " ".join(error.plugin) if isinstance(error, FailedPluginError) else "plugin"
+        by = " ".join(error.plugin) if isinstance(error, FailedPluginError | SetAsideError) else "plugin"
         self._record("failed", stamp_ns, donor, **{"rule": rule, **of_merge}, by=by, reason=str(error))
 
     def _record(self, kind: Kind, stamp_ns: int, donor: str, **fields: Any) -> None:

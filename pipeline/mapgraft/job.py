@@ -137,6 +137,7 @@ def run(
     with ExitStack() as stack:
         with watch.stage("opening"):
             mission = stack.enter_context(open_mission(paths, checked, plugins=plugins))
+            stack.enter_context(mission.guard.armed())
             table = build_table(plugins, checked.rules)
             provenance, run_id = identify(paths, checked, plugins, table)
             fan = Fan(list(sinks))
@@ -150,8 +151,9 @@ def run(
             folder.keep(MISSION_FILE, remembered_text(paths, checked).encode())
         if opened is not None:
             opened(*_span_of(mission, checked))
-        with assembly.exchange.guard.armed():
-            count = _replayed(mission, assembly, fan, watch)
+        count = _replayed(mission, assembly, fan, watch)
+        if folder is not None:
+            _write_maps(folder, assembly, fan)
         lost, missing = _lost(mission, assembly), losses(mission)  # before the files are read once more
         remarks = tuple(_remarks(mission, assembly))
         failed = tuple(failure_sentences(assembly.history.events, assembly.exchange.guard, mission.start_ns))
@@ -161,8 +163,7 @@ def run(
             folder.noticed((*remarks, *failed, *lost))
             folder.lost([asdict(loss) for loss in missing])
             folder.audited([asdict(finding) for finding in ledgers])
-            with assembly.exchange.guard.armed():
-                folder.finish()
+            folder.finish()
         return Result(
             run_id=run_id,
             folder=None if out is None else Path(out),
@@ -197,10 +198,16 @@ def _lost(mission: Mission, assembly: Assembly) -> list[str]:
     return [*fault_sentences(mission.faults), *mission.tally.sentences(), *refused]
 
 
+def _write_maps(folder: RunFolder, assembly: Assembly, fan: Fan) -> None:
+    """Write the maps' files while events can still tell of a map type that fails at it."""
+    folder.write_maps()
+    for robot, error in assembly.exchange.guard.take_untold():
+        assembly.robots[robot].complain(error, fan.last[robot].stamp_ns)
+
+
 def _audited(mission: Mission, assembly: Assembly, config: Config, plugins: Plugins) -> list[Finding]:
     kinds = {robot.name: robot.kinds for robot in mission.robots}
-    with mission.guard.armed():
-        return audit(mission.observations(), kinds, assembly.robots, config, plugins, mission.guard)
+    return audit(mission.observations(), kinds, assembly.robots, config, plugins, mission.guard)
 
 
 def _remarks(mission: Mission, assembly: Assembly) -> list[str]:
@@ -253,11 +260,10 @@ def map_alone(files: Sequence[Path], config: Config, plugins: Plugins, table: De
     from mapgraft.outputs.null_sink import NullSink
     from mapgraft.recording.mission import open_mission
 
-    with open_mission(files, config, plugins=plugins) as mission:
+    with open_mission(files, config, plugins=plugins) as mission, mission.guard.armed():
         robots = assemble(mission, config, plugins, table, NullSink()).robots
-        with mission.guard.armed():
-            for observation in mission.observations():
-                robots[observation.robot].observe(observation)
+        for observation in mission.observations():
+            robots[observation.robot].observe(observation)
     if failed := next((robot.failed for robot in robots.values() if robot.failed), None):
         raise PluginError(failed)
     return robots

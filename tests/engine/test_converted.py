@@ -22,6 +22,7 @@ from mapgraft.replay import Exchange
 from mapgraft.reversal import new_reversal
 from mapgraft.rhythm import SPARING, Rhythm
 from mapgraft.robot import Robot
+from mapgraft.standing import Grounds
 
 SECOND = 1_000_000_000
 NAMES = ("alpha", "bravo", "charlie")
@@ -135,7 +136,7 @@ def test_what_comes_in_or_goes_out_changes_no_own_map(meet) -> None:
     _, alpha = meet(every=1)
     alpha.observe(heard("alpha", 2))
     assert len(taps.ToBeacons.converted) == 1
-    alpha.standing.revert(alpha.merges["bravo"], SECOND, "a person said so", "person", by_person=True)
+    alpha.standing.revert(alpha.merges["bravo"], SECOND, Grounds("a person said so", "person", by_person=True))
     alpha.finish(SECOND)
     assert len(taps.ToBeacons.converted) == 1
 
@@ -144,7 +145,7 @@ def test_where_the_merged_map_is_compared_a_revert_changes_it(meet) -> None:
     _, alpha = meet("single_map", every=1)
     alpha.observe(heard("alpha", 2))
     before = len(taps.ToBeacons.converted)
-    alpha.standing.revert(alpha.merges["bravo"], SECOND, "a person said so", "person", by_person=True)
+    alpha.standing.revert(alpha.merges["bravo"], SECOND, Grounds("a person said so", "person", by_person=True))
     alpha.standing.verify(alpha.merges["charlie"], SECOND, everything=True)
     assert len(taps.ToBeacons.converted) == before + 1
 

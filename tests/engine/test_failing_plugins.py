@@ -157,7 +157,7 @@ def test_what_the_map_type_cannot_show_does_not_enter(play, monkeypatch, reversa
     monkeypatch.setattr(beacons.Beacons, "view", view)
     monkeypatch.setattr(beacons.Beacons, "absorb", refuse)
     memory, robots, _ = play(*ALIKE, LATER, meet=(1,), reversal=reversal)
-    assert failures(memory) == ["the fuser 'sum' failed: ZeroDivisionError: no such sum"]
+    assert failures(memory) == ["the map type 'beacons' failed: ZeroDivisionError: no such sum"]
     assert dict(robots["alpha"].reversal.fused().counts) == {0: 1, 2: 1, 5: 2}
     assert not robots["alpha"].merges
 

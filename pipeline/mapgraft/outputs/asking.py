@@ -20,11 +20,11 @@ class Asking:
     guard: Guard = field(default_factory=Guard)
     _hung: dict[str, str] = field(default_factory=dict)  # map type → what is said of it
 
-    def ask(self, map_type: MapType, call: Callable[[], T]) -> T:
-        """What ``call`` gives, which asks this map type for something.
+    def ask(self, robot: str, map_type: MapType, call: Callable[[], T]) -> T:
+        """What ``call`` gives, which asks this map type for something about a robot's map.
 
         Raises MapError where the type refuses, and PluginError, which names it, where it fails or takes too long; one
-        that took too long is not asked again.
+        that took too long is not asked again. A failure waits in the guard until somebody makes an event of it.
         """
         if said := self._hung.get(map_type.name):
             raise PluginError(said)
@@ -34,4 +34,5 @@ class Asking:
         except FailedPluginError as error:
             if error.took_too_long:
                 self._hung[map_type.name] = f"{error}; it took so long before and is not asked again"
+            self.guard.untold.append((robot, error))
             raise

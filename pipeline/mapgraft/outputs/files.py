@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from mapgraft.contracts import Map, MapType
+from mapgraft.contracts import Map
 from mapgraft.errors import MapError, PluginError
 from mapgraft.events import Event, Snapshot
 from mapgraft.outputs.asking import Asking
@@ -104,12 +104,12 @@ def map_files(
     asking, out = asking or Asking(), dict[str, bytes]()
     for robot, snapshot in sorted(snapshots.items()):
         if snapshot.own.known():
-            out |= _files_of(snapshot.map_type, snapshot.own, names[robot], unshown, asking)
+            out |= _files_of(snapshot, snapshot.own, names[robot], unshown, asking)
     for component in together:
         last = snapshots.get(component.map_of)
         if last is not None and last.fused.known():
             stem = f"{names[component.name]}.merged"
-            out |= _files_of(last.map_type, last.fused, stem, unshown, asking)
+            out |= _files_of(last, last.fused, stem, unshown, asking)
     return out
 
 
@@ -160,10 +160,11 @@ def json_bytes(document: Mapping[str, Any]) -> bytes:
 
 
 def _files_of(
-    map_type: MapType, map_: Map, stem: str, unshown: dict[str, str] | None, asking: Asking
+    snapshot: Snapshot, map_: Map, stem: str, unshown: dict[str, str] | None, asking: Asking
 ) -> dict[str, bytes]:
+    map_type = snapshot.map_type
     try:
-        return asking.ask(map_type, lambda: _in_maps(map_type.files(map_, stem), stem))
+        return asking.ask(snapshot.robot, map_type, lambda: _in_maps(map_type.files(map_, stem), stem))
     except (MapError, PluginError) as error:  # too large to write, or a stranger's code
         if unshown is None:
             raise

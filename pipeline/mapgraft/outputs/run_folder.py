@@ -81,7 +81,7 @@ class RunFolder:
         self._remarks: tuple[str, ...] = ()
         self._aside: Mapping[str, str] = {}
         self._watch = Stopwatch()
-        self._intact, self._open, self._published = True, False, False
+        self._intact, self._open, self._published, self._maps_written = True, False, False, False
         self._lock, self._staging = FolderLock(out), Staging(out)
         self._trajectories = Trajectories(self._staging, self._names)
         self._held: list[Callable[[], None]] = []  # gives back what is open; the last one first
@@ -186,8 +186,23 @@ class RunFolder:
         """What there is to say about the recordings and what of them was left out, in sentences, for the summary."""
         self._remarks = tuple(remarks)
 
+    def write_maps(self) -> None:
+        """Write the last map of every robot and component as its type's files; ``finish`` does where nobody has.
+
+        Whoever calls it before can still tell of what fails.
+        """
+        if self._maps_written:
+            return
+        with self._writing():
+            self._drain()
+            together = connected(self._scene.robots, self._standing.merges)
+            for name, content in map_files(self._snapshots, together, self._names, self._unshown, self._asking).items():
+                self._staging.write(name, content)
+        self._maps_written = True
+
     def finish(self) -> None:
         """Make everything whole, then give every file its final name; nothing of it is half-written at any time."""
+        self.write_maps()
         with self._writing():
             with self._watch.stage(WRITING):
                 self._drain()
@@ -284,8 +299,7 @@ class RunFolder:
     def _write_files(self, layout: bytes) -> None:
         merges = self._standing.merges
         together = connected(self._scene.robots, merges)
-        files = map_files(self._snapshots, together, self._names, self._unshown, self._asking)
-        files |= {"transforms.csv": transforms_csv(merges), "layout.json": layout}
+        files = {"transforms.csv": transforms_csv(merges), "layout.json": layout}
         if (found := self._found.csv()) is not None:
             files[FINDINGS] = found
         for name, content in files.items():
