@@ -170,8 +170,8 @@ class LimitsConfig(Section):
 
     chunk_bytes: Annotated[int, Field(ge=1)] = 128 << 20
     expansion: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1000.0
-    beams: Annotated[int, Field(ge=1)] = 1 << 20
-    grid_cells: Annotated[int, Field(ge=1)] = 400_000_000
+    beams: Annotated[int, Field(ge=1)] = 100_000
+    grid_cells: Annotated[int, Field(ge=1)] = 40_000_000
     robots: Annotated[int, Field(ge=1)] = 100
     extent_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 50_000.0
     plugin_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 300.0

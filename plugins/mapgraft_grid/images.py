@@ -112,4 +112,7 @@ def _decoded(name: str, data: bytes, most_pixels: int) -> Gray:
 
 def _require_size(name: str, width: int, height: int, most_pixels: int) -> None:
     if width < 1 or height < 1 or width * height > most_pixels:
-        raise MapError(f"the map image {name} has {width} × {height} pixels, from 1 to {most_pixels} can be read")
+        raise MapError(
+            f"the map image {name} has {width} × {height} pixels, from 1 to {most_pixels:,} can be read "
+            "(limits.grid_cells)"
+        )

@@ -194,6 +194,19 @@ def test_frames_with_two_parents_and_loops_are_named_with_their_beginning(record
     assert loop.startswith("at 1700000005.000 s 'table' → 'cup' closes a loop with what was told before")
 
 
+def test_frames_without_end_are_left_out_and_counted(record, mission, monkeypatch):
+    """The robot's own frames are told first; each further one takes memory."""
+    for module in ("timeline.feeds", "robots.glimpse"):
+        monkeypatch.setattr(f"mapgraft.recording.{module}.MOST_EDGES", 10)
+    file = drive(record())
+    for k in range(30):
+        file.tf(5.0 + k / 10, "map", f"tag{k}")
+    found = mission(file.write())
+    assert len(list(found.observations())) == 80
+    ((key, count),) = faults(found).items()
+    assert key == ("too_many_frames", "/tf") and 20 <= count < 30
+
+
 def test_a_transform_that_closes_a_loop_costs_nothing_but_itself(record, mission):
     file = drive(record())
     for k in range(50):

@@ -45,7 +45,7 @@ def open_database(path: Path, faults: ReadFaults, limits: ReadLimits) -> sqlite3
         try:
             database.execute(_SCHEMA).fetchall()
             return database
-        except (sqlite3.Error, MemoryError):
+        except (sqlite3.Error, MemoryError, UnicodeDecodeError):  # SQLite's own sentences quote what they complain of
             database.close()
             faults.add("log_unread", f"{log.name} beside the bag cannot be read: the last messages may be missing")
     return _bounded(f"{address}&immutable=1", limits)
@@ -64,7 +64,7 @@ def _bounded(address: str, limits: ReadLimits) -> sqlite3.Connection:
     try:
         database.execute("PRAGMA trusted_schema = OFF")
         database.execute("PRAGMA cell_size_check = ON")
-    except sqlite3.Error:  # a broken database says so when it is read
+    except (sqlite3.Error, MemoryError, UnicodeDecodeError):  # a broken database says so when it is read
         pass
     return database
 

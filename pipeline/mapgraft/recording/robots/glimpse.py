@@ -13,7 +13,7 @@ from itertools import islice
 
 from mapgraft.contracts.sources import Channel, RawMessage, Source
 from mapgraft.errors import RecordingError
-from mapgraft.recording.poses.frames import SeenEdge, Stamped
+from mapgraft.recording.poses.frames import MOST_EDGES, SeenEdge, Stamped
 from mapgraft.recording.poses.rigid import Pose7, pose7
 from mapgraft.recording.robots.payloads import POSE_TYPES, TF_TYPES, Payloads, poses_in
 
@@ -230,6 +230,8 @@ class _PoseSampler:
                 _, times, poses = self._poses.setdefault(key, (channel, [], []))
             elif record.frame and record.child and record.frame != record.child:
                 key = (channel.topic, record.frame, record.child)
+                if len(self._edges) >= MOST_EDGES and key not in self._edges:
+                    continue  # counted when the recording is replayed
                 fixed, times, poses = self._edges.setdefault(key, (is_static(channel), [], []))
                 if fixed:  # the last word counts
                     times.clear()

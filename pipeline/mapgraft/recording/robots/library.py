@@ -19,6 +19,8 @@ from mapgraft.recording.robots.glimpse import Glimpse, glimpse
 from mapgraft.recording.robots.payloads import Decoder, Payloads, checked_size
 from mapgraft.recording.robots.strangers import GuardedSource, called, decoded
 
+_GIVEN = ("warn", "most_cells")  # what a format is handed beside a person's options, if it takes it
+
 
 class Library:
     """Opens recordings and ready-made map files, with what plugins add to both.
@@ -86,7 +88,8 @@ class Library:
     def read_map(self, path: Path, options: Mapping[str, object], warn: Callable[[str], None]) -> tuple[str, object]:
         """A ready-made map file as (kind of payload, payload); raises MapgraftError when it cannot be read.
 
-        ``warn`` is handed to formats that take it, for what is probably not meant. The option ``format`` names a format
+        ``warn`` is handed to formats that take it, for what is probably not meant, and the limit of cells to those that
+        take ``most_cells``. The option ``format`` names a format
         instead of the one that the file's name tells.
         """
         if not path.is_file():  # a pipe would be waited for
@@ -97,10 +100,11 @@ class Library:
             raise RecordingError(f"no installed format reads {path}: see 'mapgraft plugins list'")
         read = self._plugins.function("format", name)
         known = inspect.signature(read).parameters
-        if unknown := sorted(set(options) - set(known)):
-            offered = ", ".join(key for key in known if key not in ("path", "warn")) or "none"
+        if unknown := sorted(set(options) - (set(known) - set(_GIVEN))):
+            offered = ", ".join(key for key in known if key not in ("path", *_GIVEN)) or "none"
             raise ConfigError(f"the format {name!r} has no option {', '.join(unknown)}: it has {offered}")
-        given = {**options, "warn": warn} if "warn" in known else dict(options)
+        ours = {"warn": warn, "most_cells": self._limits.grid_cells}
+        given = {**options, **{key: ours[key] for key in _GIVEN if key in known}}
         try:
             payload = called(self.guard, "format", name, lambda: read(path, **given))
         except FailedPluginError as error:

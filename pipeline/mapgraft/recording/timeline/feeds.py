@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from mapgraft.contracts.sources import RawMessage, ReadFaults, Source
 from mapgraft.errors import RecordingError
 from mapgraft.recording.decoding.records import PoseRecord
+from mapgraft.recording.poses.frames import MOST_EDGES
 from mapgraft.recording.poses.lookup import TreePoses
 from mapgraft.recording.poses.rigid import Pose7, angle_of, believable, compose, inverse
 from mapgraft.recording.poses.tf import TransformBuffer
@@ -155,6 +156,10 @@ class Feed:
         """The edge in the tree, None when it is not wanted there."""
         key = (topic, record.frame, record.child)
         if key not in self._told:
+            if len(self._told) >= MOST_EDGES:
+                sentence = f"{record.frame!r} → {record.child!r} comes after {MOST_EDGES:,} others: it is left out"
+                self._faults.add("too_many_frames", sentence, topic=topic)
+                return None
             name = self._new_edge(topic, record, tf)
             self._told[key] = None if name is None else self._named(name)
         return self._told[key]
