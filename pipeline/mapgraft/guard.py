@@ -58,8 +58,6 @@ class Guard:
 
     def refused(self, kind: str, name: str, method: str = "") -> SetAsideError | None:
         """Why a plugin is not asked any more, None where it is."""
-        if not self.set_aside:
-            return None
         said = self.set_aside.get((kind, name)) or self.set_aside.get((kind, name, method))
         return None if said is None else SetAsideError(said, (kind, name))
 
@@ -108,7 +106,9 @@ class Guard:
             return
         asked: Asked = (*error.plugin, error.method) if error.method else error.plugin
         count = self.failures[asked] = self.failures.get(asked, 0) + 1
-        if error.method != ALWAYS_ASKED and (error.took_too_long or count >= self.limits.failures):
+        if error.method == ALWAYS_ASKED or asked in self.set_aside:
+            return
+        if error.took_too_long or count >= self.limits.failures:
             kind, name = error.plugin
             times = "took too long" if error.took_too_long else f"failed {count} times (limits.failures)"
             what = f" for its {error.method}" if error.method else ""

@@ -66,9 +66,10 @@ class GuardedMapType:
         raise AttributeError("a map type stays what it is")
 
     def _asked(self, method: str) -> Call:
-        if (refused := self._guard.refused(KIND, self.name, method)) is not None:
+        guard = self._guard
+        if guard.set_aside and (refused := guard.refused(KIND, self.name, method)) is not None:
             raise refused
-        return Call(self._guard, KIND, self.name, method)
+        return Call(guard, KIND, self.name, method)
 
     def new_layer(self) -> Layer:
         with self._asked("new_layer"):

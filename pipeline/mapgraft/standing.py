@@ -206,7 +206,8 @@ class Standing:
         self, merge: Merge, stamp_ns: int, grounds: Grounds, error: PluginError | MapError
     ) -> IrreversibleError:
         """Write down that a merge stands which was to be taken out."""
-        said = f"{error}; {merge.merge_id}, which was to be reverted ({grounds.reason}), stands"
+        named = "" if isinstance(error, PluginError) else f"the map type {self.own.map_type.name!r} refuses: "
+        said = f"{named}{error}; {merge.merge_id}, which was to be reverted ({grounds.reason}), stands"
         method = error.method if isinstance(error, FailedPluginError) else ""
         failure = FailedPluginError(said, (KIND, self.own.map_type.name), method or "reset")
         self.complain(failure, stamp_ns, merge.donor, merge=merge)
