@@ -1,0 +1,34 @@
+"""Messages in the content of a chunk: what is read does not depend on what else was asked for."""
+
+from __future__ import annotations
+
+import struct
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mapgraft.contracts.sources import Channel
+from mapgraft.recording.containers.mcap_messages import messages
+from mapgraft.recording.containers.selection import wanted
+
+CHANNELS = [Channel(n, f"/{n}", "", "json", None, False, True, "") for n in (1, 2)]
+RECORD = st.tuples(
+    st.sampled_from([3, 5, 5, 5, 9]), st.integers(0, 40), st.integers(1, 3), st.integers(0, 9), st.binary()
+)
+
+
+@given(st.lists(RECORD, max_size=8), st.integers(0, 9), st.integers(0, 9), st.sampled_from([["/1"], ["/2"], None]))
+def test_a_window_gives_what_the_whole_gives_within_it(
+    records: list[tuple[int, int, int, int, bytes]], first: int, last: int, topics: list[str] | None
+) -> None:
+    content = b"".join(
+        struct.pack("<BQHIQ", opcode, length, channel, 0, log_ns) + b"\0" * 8 + rest
+        for opcode, length, channel, log_ns, rest in records
+    )
+    whole = [
+        (message.channel.id, message.log_ns, bytes(message.data))
+        for message in messages(content, wanted(CHANNELS, None, None, None)).found
+        if first <= message.log_ns <= last and (topics is None or message.channel.topic in topics)
+    ]
+    part = messages(content, wanted(CHANNELS, topics, first, last)).found
+    assert [(message.channel.id, message.log_ns, bytes(message.data)) for message in part] == whole
