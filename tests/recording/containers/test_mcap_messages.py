@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mapgraft.contracts.sources import Channel
@@ -16,6 +16,7 @@ LENGTHS = st.sampled_from([0, 14, 21, 22, 30, 30, 30])  # 22 is the shortest tha
 RECORD = st.tuples(st.sampled_from([3, 5, 5, 5, 9]), LENGTHS, st.integers(1, 3), st.integers(0, 9))
 
 
+@example([(5, 14, 1, 9), (5, 30, 1, 2)], 0, 5, None)
 @given(st.lists(RECORD, max_size=8), st.integers(0, 9), st.integers(0, 9), st.sampled_from([["/1"], ["/2"], None]))
 def test_a_window_gives_what_the_whole_gives_within_it(
     records: list[tuple[int, int, int, int]], first: int, last: int, topics: list[str] | None
