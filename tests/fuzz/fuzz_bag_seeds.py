@@ -180,12 +180,44 @@ def odd_databases() -> dict[str, bytes]:
     }
 
 
+def running_databases() -> dict[str, bytes]:
+    """Databases with a schema that runs something, or that is put down as recorders do not."""
+    rows = _rows()
+    runs = {
+        "with-a-view": "CREATE VIEW more AS SELECT zeroblob(900000000) FROM messages",
+        "with-a-trigger": "CREATE TRIGGER more AFTER INSERT ON messages BEGIN SELECT 1; END",
+        "with-an-expression": "CREATE INDEX more ON messages (length(data))",
+        "with-a-condition": "CREATE INDEX more ON messages (timestamp) WHERE abs(timestamp) > 5",
+        "with-escapes": 'CREATE VIEW "\x1b[31mred" AS SELECT 1',
+    }
+    whole = _database(rows)
+    again = [
+        "ALTER TABLE messages RENAME TO old",
+        _CREATE[1] + " WITHOUT ROWID",
+        "INSERT INTO messages SELECT * FROM old",
+    ]
+    first = next(at for at in range(512, len(whole), 512) if whole[at : at + 4] == struct.pack(">I", at // 512 + 2))
+    return {
+        **{name: _database(rows, more=[command]) for name, command in runs.items()},
+        "without-row-numbers": _database(rows, more=again),
+        "pages-of-64-kib": _database(rows, page=65536),
+        "reserved-bytes": whole[:20] + b"\x20" + whole[21:],
+        "reserved-all": whole[:20] + b"\xff" + whole[21:],
+        "pages-of-3-bytes": whole[:16] + b"\0\3" + whole[18:],
+        "utf-16": whole[:56] + b"\0\0\0\2" + whole[60:],
+        "overflow-in-a-circle": whole[:first] + struct.pack(">I", first // 512 + 1) + whole[first + 4 :],
+        "overflow-beyond": whole[:first] + b"\xff\xff\xff\xff" + whole[first + 4 :],
+        "version-of-the-future": whole[:18] + b"\7\7" + whole[20:],
+    }
+
+
 def db3_seeds() -> list[bytes]:
     """Whole, cut, with holes, with values of other kinds and schemas that nobody writes."""
     rows = _rows()
     whole = _database(rows)
     found = [
         *odd_databases().values(),
+        *running_databases().values(),
         _database(rows, defined=[(LASER, "ros2msg", "float32 x"), (TF, "ros2idl", "")]),
         _database(rows, qos="x TEXT"),
         b"SQLite format 3\0",

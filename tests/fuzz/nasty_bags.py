@@ -6,7 +6,7 @@ import gzip
 import random
 from collections.abc import Iterator
 
-from fuzz_bag_seeds import odd_bags, odd_databases
+from fuzz_bag_seeds import odd_bags, odd_databases, running_databases
 from nasty_case import LAUGHS, Nasty
 from nasty_recording import sound_recording
 
@@ -28,7 +28,7 @@ def bags() -> Iterator[Nasty]:
         "zeros": b"SQLite format 3\0" + bytes(5000),
     }.items():
         yield Nasty(f"db3-{name}", {"a.db3": data}, ("info", "@/a.db3"))
-    for name, data in odd_databases().items():
+    for name, data in {**odd_databases(), **running_databases()}.items():
         yield Nasty(f"db3-{name}", {"a.db3": data}, ("info", "@/a.db3"), hint="scan")
     for name, data in odd_bags().items():
         yield Nasty(f"bag-{name}", {"a.bag": data}, info, hint="scan")
@@ -45,6 +45,7 @@ def bags() -> Iterator[Nasty]:
         "metadata-storage": head.replace("mcap", "clay") + "  relative_file_paths: [a.mcap]\n",
         "metadata-deep": "a: " + "[" * 3000 + "]" * 3000 + "\n",
         "metadata-laughs": LAUGHS,
+        "metadata-again": head + "  relative_file_paths: [" + "a.mcap, " * 5000 + "a.mcap]\n",
     }.items():
         yield Nasty(f"folder-{name}", {**whole, "b/metadata.yaml": text.encode()}, ("info", "@/b"), hint="scan")
     yield Nasty("folder-empty", {}, ("info", "@/b"), folders=("b",))

@@ -100,6 +100,7 @@ def recordings() -> Iterator[Nasty]:
     limited = {
         "beams": ("limits: {beams: 10}\n", {}),
         "robots": ("limits: {robots: 3}\n", {"topics": 4}),
+        "topics": ("limits: {robots: 1}\n", {"topics": 21, "scans": 2}),
         "extent": ("limits: {extent_m: 0.15}\n", {}),
     }
     for name, (text, spoil) in limited.items():
