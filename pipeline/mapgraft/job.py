@@ -23,6 +23,7 @@ from mapgraft.correction import Correction
 from mapgraft.decision import DecisionTable, build_table
 from mapgraft.errors import PluginError, RecordingError, UsageError
 from mapgraft.events import Event, Sink, Snapshot
+from mapgraft.failures import failure_sentences
 from mapgraft.network.radio import Traffic
 from mapgraft.outputs.provenance import InputFile, RunProvenance, run_id_of
 from mapgraft.plugins import Plugins, load_plugins
@@ -45,8 +46,8 @@ class Result:
     ``maps`` holds every robot's last snapshot: ``maps["alpha"].fused.dense()`` for a grid. ``traffic`` counts bytes per
     (sender, receiver), ``kinds`` per (receiver, kind of message). ``start_ns`` is the mission's first stamp. ``lost``
     says in sentences what of the files could not be read and which observations could not be used, and why;
-    ``remarks`` what was noticed about the robots' sources, such as a map file that is probably not meant as it says.
-    ``ledgers`` holds what ``verify_ledger`` found out, one finding per robot.
+    ``remarks`` what was noticed about the robots' sources, such as a map file that is probably not meant as it says;
+    ``failed`` which plugins failed. ``ledgers`` holds what ``verify_ledger`` found out, one finding per robot.
     """
 
     run_id: str
@@ -58,6 +59,7 @@ class Result:
     start_ns: int = 0
     lost: Sequence[str] = ()
     remarks: Sequence[str] = ()
+    failed: Sequence[str] = ()
     ledgers: Sequence[Finding] = ()
     kinds: Mapping[tuple[str, str], int] = field(default_factory=dict)
 
@@ -146,26 +148,30 @@ def run(
     with ExitStack() as stack:
         with watch.stage("opening"):
             mission = stack.enter_context(open_mission(paths, checked, plugins=plugins))
+            stack.enter_context(mission.guard.armed())
             table = build_table(plugins, checked.rules)
             provenance, run_id = identify(paths, checked, plugins, table)
             fan = Fan(list(sinks))
             assembly = assemble(mission, checked, plugins, table, fan)  # before the folder is touched: it may refuse
         folder = None
         if out is not None:
-            output = checked.output
-            folder = RunFolder(Path(out), stem(paths[0]), run_id, provenance, output.scans, output.report)
-            fan.sinks.insert(0, stack.enter_context(folder))  # what anybody else hears of is on disk
+            named = (Path(out), stem(paths[0]), run_id, provenance)
+            folder = RunFolder(*named, checked.output.scans, checked.output.report, assembly.exchange.guard)
+            stack.push(folder)  # before it is opened: Ctrl-C in between would leave a recording without an end
+            fan.sinks.insert(0, folder.open())  # what anybody else hears of is on disk
             folder.keep(MISSION_FILE, remembered_text(paths, checked).encode())
         if opened is not None:
             opened(*_span_of(mission, checked))
-        with assembly.exchange.guard.armed():
-            count = _replayed(mission, assembly, fan, watch)
+        count = _replayed(mission, assembly, fan, watch)
+        if folder is not None:
+            _write_maps(folder, assembly, fan)
         lost, missing = _lost(mission, assembly), losses(mission)  # before the files are read once more
         remarks = tuple(_remarks(mission, assembly))
+        failed = tuple(failure_sentences(assembly.history.events, assembly.exchange.guard, mission.start_ns))
         ledgers = _audited(mission, assembly, checked, plugins) if verify_ledger else []
         if folder is not None:
             _tell_costs(folder, watch, assembly.exchange.traffic)
-            folder.noticed((*remarks, *lost))
+            folder.noticed((*remarks, *failed, *lost))
             folder.lost([asdict(loss) for loss in missing])
             folder.audited([asdict(finding) for finding in ledgers])
             folder.finish()
@@ -180,6 +186,7 @@ def run(
             start_ns=mission.start_ns,
             lost=(*lost, *(folder.unshown if folder else ())),
             remarks=(*remarks, *(folder.unfinished if folder else ())),
+            failed=failed,
             ledgers=tuple(ledgers),
         )
 
@@ -200,12 +207,19 @@ def _lost(mission: Mission, assembly: Assembly) -> list[str]:
     from mapgraft.recording.losses import fault_sentences
 
     refused = [line for name, robot in assembly.robots.items() for line in robot.left_out.sentences(name)]
-    return [*fault_sentences(mission), *mission.tally.sentences(), *refused]
+    return [*fault_sentences(mission.faults), *mission.tally.sentences(), *refused]
+
+
+def _write_maps(folder: RunFolder, assembly: Assembly, fan: Fan) -> None:
+    """Write the maps' files while events can still tell of a map type that fails at it."""
+    folder.write_maps()
+    for robot, error in assembly.exchange.guard.take_untold():
+        assembly.robots[robot].complain(error, fan.last[robot].stamp_ns)
 
 
 def _audited(mission: Mission, assembly: Assembly, config: Config, plugins: Plugins) -> list[Finding]:
     kinds = {robot.name: robot.kinds for robot in mission.robots}
-    return audit(mission.timeline(), kinds, assembly.robots, config, plugins)
+    return audit(mission.timeline(), kinds, assembly.robots, config, plugins, mission.guard)
 
 
 def _remarks(mission: Mission, assembly: Assembly) -> list[str]:
@@ -258,7 +272,7 @@ def map_alone(files: Sequence[Path], config: Config, plugins: Plugins, table: De
     from mapgraft.outputs.null_sink import NullSink
     from mapgraft.recording.mission import open_mission
 
-    with open_mission(files, config, plugins=plugins) as mission:
+    with open_mission(files, config, plugins=plugins) as mission, mission.guard.armed():
         robots = assemble(mission, config, plugins, table, NullSink()).robots
         for entry in mission.timeline():
             if isinstance(entry, Correction):

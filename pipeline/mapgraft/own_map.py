@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from mapgraft.contracts import Donation, Layer, MapMetadata, MapType, Observation, Provenance, Region
-from mapgraft.errors import FailedPluginError, MapError
+from mapgraft.errors import MapError, PluginError
 from mapgraft.events import DonorMap
 from mapgraft.exchange import Form, Offer, SentLayer, cut, preview_of
 from mapgraft.guard import Call
@@ -33,8 +33,12 @@ class OwnMap:
     _described: tuple[int, MapMetadata] | None = None
 
     def asking(self) -> Call:
-        """A context in which the robot's own map type is asked."""
+        """A context in which the robot's own map type is asked, and its layers, maps and regions."""
         return self.workshop.guard.calling("map type", self.map_type.name)
+
+    def naming(self) -> Call:
+        """The same around calls of tools, each of which has a time of its own."""
+        return self.workshop.guard.naming("map type", self.map_type.name)
 
     def mapped(self, observations: Iterable[Observation]) -> tuple[Layer, Region]:
         """A layer of these observations, beside the one there is, and what they touch.
@@ -98,12 +102,12 @@ class OwnMap:
 
     def show(
         self, why: Moment, stamp_ns: int, merge_id: str, merges: tuple[Merge, ...]
-    ) -> FailedPluginError | MapError | None:
-        """Take a snapshot, with the donors of these merges; returns why the map cannot be shown, if it cannot."""
+    ) -> Sequence[PluginError | MapError]:
+        """Take a snapshot, with the donors of these merges; returns why maps cannot be shown, where they cannot."""
         donors = {merge.donor: merge.comparison for merge in merges}
         try:
             with self.asking():
-                self.journal.snapshot(
+                snapshot = self.journal.snapshot(
                     why,
                     stamp_ns,
                     self.own_metadata,
@@ -111,6 +115,8 @@ class OwnMap:
                     lambda: {name: DonorMap(one.map_type, one.donor) for name, one in donors.items()},
                     merge_id,
                 )
-        except (FailedPluginError, MapError) as error:  # its evidence is as it was
-            return error
-        return None
+        except (PluginError, MapError) as error:  # its evidence is as it was
+            return [error]
+        if snapshot is not None:  # what writing it costs, or meets, is not the map type's affair
+            self.journal.mapped(snapshot)
+        return [error for _, error in self.workshop.guard.take_untold()]

@@ -8,7 +8,7 @@ from itertools import permutations
 
 from mapgraft.contracts import MapError, Meeting, Observation, Policy, Situation, Transform
 from mapgraft.correction import Correction
-from mapgraft.errors import FailedPluginError, PluginError
+from mapgraft.errors import FailedPluginError, PluginError, ReversalError
 from mapgraft.events import Sink
 from mapgraft.guard import Guard
 from mapgraft.history import History
@@ -103,7 +103,7 @@ class Exchange:
     def _is_out(self, robot: str) -> bool:
         return bool(self.robots[robot].failed)
 
-    def _failed(self, robot: str, error: PluginError | MapError, stamp_ns: int) -> None:
+    def _failed(self, robot: str, error: PluginError | MapError | ReversalError, stamp_ns: int) -> None:
         self.robots[robot].fail(error, stamp_ns)
 
 

@@ -11,7 +11,7 @@ from mapgraft.contracts import MapMetadata, MapType, Observation, Provenance, Tr
 from mapgraft.correction import Correction, Recollection
 from mapgraft.decision import DecisionTable
 from mapgraft.encounter import Encounter, Rules
-from mapgraft.errors import FailedPluginError, MapError, PluginError
+from mapgraft.errors import IrreversibleError, MapError, PluginError, ReversalError
 from mapgraft.exchange import Offer, SentLayer
 from mapgraft.graph.claims import Claims, Source
 from mapgraft.graph.consistency import Settings
@@ -24,7 +24,7 @@ from mapgraft.persons import Hand
 from mapgraft.procedures import Tools, Workshop
 from mapgraft.registration import Site
 from mapgraft.reversal import Reversal
-from mapgraft.standing import Standing
+from mapgraft.standing import Grounds, Standing
 
 
 @dataclass(slots=True)
@@ -45,6 +45,7 @@ class Robot:
     looked_at: dict[str, tuple[int, Provenance]] = field(default_factory=dict)  # donor → versions last considered
     wanted: dict[str, tuple[int, Provenance]] = field(default_factory=dict)  # donor → versions when it was asked for
     left_out: LeftOut = field(default_factory=LeftOut)
+    failed: str = ""  # why the robot takes no part any more
     through: Through = "confirmed"
     consistency: Settings = field(default_factory=Settings)
     recollection: Recollection | None = None
@@ -72,11 +73,6 @@ class Robot:
         """What this robot has heard of merges, its own among them."""
         return self.graph.claims
 
-    @property
-    def failed(self) -> str:
-        """Why the robot takes no part any more; empty while it does."""
-        return self.standing.failed
-
     def observe(self, observation: Observation) -> None:
         """Integrate an own observation; verify and register anew every standing merge whose time has come.
 
@@ -92,16 +88,19 @@ class Robot:
         except MapError as error:
             self.left_out.add(observation, str(error))
             return
-        except FailedPluginError as error:
+        except PluginError as error:
             self.left_out.add(observation, str(error))
             self.fail(error, observation.stamp_ns)
             return
         self.attempts.changed()
         if self.recollection is not None:
             self.recollection.observations.append(observation)
-        self.standing.observed(observation, touched)
-        if self.standing.changes != self._followed or self.standing.doubted:
-            self.heard(observation.stamp_ns)
+        try:
+            self.standing.observed(observation, touched)
+            if self.standing.changes != self._followed or self.standing.doubted:
+                self.heard(observation.stamp_ns)
+        except ReversalError as error:
+            self.fail(error, observation.stamp_ns)
 
     def correct(self, correction: Correction) -> None:
         """Map anew what was observed, at the places at which it belongs by now, and look at every merge again.
@@ -125,21 +124,28 @@ class Robot:
         except MapError as error:
             self.journal.uncorrected(stamp_ns, str(error))
             return
-        except FailedPluginError as error:
-            self.standing.complain(error, stamp_ns, "")
+        except PluginError as error:
+            self.complain(error, stamp_ns)
             return
         self.recollection.observations[:] = anew.observations
         self.corrected_ns.append(stamp_ns)
         self.attempts.changed()
         self.candidates.last.clear()  # what was tried with the map as it was need not wait
         self.journal.corrected(stamp_ns, anew)
-        self.standing.remapped(self.graph.layers, stamp_ns)
-        self.heard(stamp_ns)
+        try:
+            self.standing.remapped(self.graph.layers, stamp_ns)
+            self.heard(stamp_ns)
+        except ReversalError as error:
+            self.fail(error, stamp_ns)
 
     def heard(self, stamp_ns: int) -> None:
-        """Draw the consequences for the own map of all claims and layers that are known by now."""
-        self.graph.heard(stamp_ns)
-        self._followed = self.standing.changes
+        """Draw the consequences for the own map of all claims and layers that are known by now.
+
+        Raises IrreversibleError when the map type cannot take out again what follows from them.
+        """
+        if not self.failed:
+            self.graph.heard(stamp_ns)
+            self._followed = self.standing.changes
 
     @property
     def T_map_base(self) -> Transform | None:
@@ -147,9 +153,14 @@ class Robot:
         known = self.recollection.observations if self.recollection is not None else []
         return known[-1].T_map_base if known else None
 
-    def fail(self, error: PluginError | MapError, stamp_ns: int) -> None:
+    def fail(self, error: PluginError | MapError | ReversalError, stamp_ns: int) -> None:
         """End this robot's part in the run, and say why; what stands in its map stays."""
-        self.standing.failed = str(error)
+        self.failed = str(error)
+        if not isinstance(error, IrreversibleError):  # which was told of where it came up
+            self.complain(error, stamp_ns)
+
+    def complain(self, error: PluginError | MapError | ReversalError, stamp_ns: int) -> None:
+        """Write down what plugins did wrong that concerns no merge."""
         self.standing.complain(error, stamp_ns, "")
 
     def offer(self) -> bytes:
@@ -296,9 +307,10 @@ class Robot:
         self.journal.attempted(stamp_ns, attempt, tools, merge_id, provenance, size)
         self.standing.show("after merge", stamp_ns, merge_id)
         try:
-            sample = merge.start(stamp_ns, attempt.measurements)
+            with self.own.naming():
+                sample = merge.start(stamp_ns, attempt.measurements)
         except PluginError as error:
-            self.standing.revert(merge, stamp_ns, f"it cannot be measured: {error}", "merge", refuse=False)
+            self.standing.revert(merge, stamp_ns, Grounds(f"it cannot be measured: {error}", "merge"), refuse=False)
             raise
         self.journal.changed("verified", stamp_ns, merge, "measured at the merge", "merge", sample)
         return merge
@@ -311,13 +323,17 @@ class Robot:
         said = f"a person said {verdict.action}" + (f": {verdict.reason}" if verdict.reason else "")
         by = f"person {verdict.by}".strip()
         if verdict.action == "revert":
-            self.standing.revert(merge, stamp_ns, said, by, by_person=True)
+            self.standing.revert(merge, stamp_ns, Grounds(said, by, by_person=True))
         else:
             merge.state, merge.decided_by_person = "confirmed", True
             self.journal.changed("confirmed", stamp_ns, merge, said, by)
 
     def finish(self, stamp_ns: int) -> None:
         """The last look at every standing merge, and the last snapshot."""
-        self.standing.end(stamp_ns)
-        self.heard(stamp_ns)
+        try:
+            if not self.failed:
+                self.standing.end(stamp_ns)
+                self.heard(stamp_ns)
+        except ReversalError as error:
+            self.fail(error, stamp_ns)
         self.standing.show("end", stamp_ns)

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from mapgraft.attempt import Attempts, Grafted, Meeting
-from mapgraft.contracts import MapMetadata, Observation, Region, Sample, Verdict
-from mapgraft.errors import MapError, PluginError
+from mapgraft.contracts import Exactness, MapMetadata, Observation, Region, Sample, Verdict
+from mapgraft.errors import FailedPluginError, IrreversibleError, MapError, PluginError, ReversalError
 from mapgraft.events import Kind
 from mapgraft.exchange import Offer, SentLayer
 from mapgraft.graph.claims import Source
 from mapgraft.graph.held import Layers
+from mapgraft.guarded_map_type import KIND
 from mapgraft.history import Journal, Moment
 from mapgraft.merge import Merge
 from mapgraft.own_map import OwnMap
@@ -35,13 +36,24 @@ class Ending:
     reason: str
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Grounds:
+    """Who wants a merge out, and why; ``sample`` and ``evidence`` are what the verifier judged by."""
+
+    reason: str
+    by: str
+    sample: Sample | None = None
+    evidence: Mapping[str, float] | None = None
+    by_person: bool = False
+
+
 @dataclass(slots=True)
 class Standing:
     """What one robot has merged, by donor. It asks the plugins of each merge's rule and writes down what they say.
 
     ``attached`` is what came in through merges of others, by source; ``doubted`` what of it own observations have
     spoken against since somebody last took that away. ``ended`` tells by donor how the last merge with it ended.
-    ``failed`` says why the robot takes no part any more: its map type failed.
+    Whatever reverts raises IrreversibleError when the map type cannot: the robot's part ends with that.
     """
 
     own: OwnMap
@@ -52,7 +64,7 @@ class Standing:
     doubted: list[tuple[Merge, Verdict]] = field(default_factory=list)
     ended: dict[str, Ending] = field(default_factory=dict)
     changes: int = 0  # rises with every merge that is made, moved, confirmed or reverted
-    failed: str = ""
+    _told: set[str] = field(default_factory=set)  # which plugins are not asked again, where that came up
 
     @property
     def all(self) -> list[Merge]:
@@ -85,7 +97,7 @@ class Standing:
 
     def end(self, stamp_ns: int) -> None:
         """The last look at every merge."""
-        for merge in [] if self.failed else self.all:
+        for merge in self.all:
             if merge.has_news or merge.is_untold:
                 self.verify(merge, stamp_ns, everything=True, tell=True)
 
@@ -120,7 +132,8 @@ class Standing:
         """The receiver has mapped anew: fuse every donor anew, where it lies best now, and test it from the start."""
         for merge in self.all:
             try:
-                merge.restart(stamp_ns)
+                with self.own.naming():
+                    merge.restart(stamp_ns)
                 self._fuse_anew(merge, layers, stamp_ns)
             except MapError as error:
                 self.journal.changed("verified", stamp_ns, merge, f"it is left as it was: {error}", "correction")
@@ -155,8 +168,9 @@ class Standing:
             self.complain(error, stamp_ns, merge.donor, merge=merge)
 
     def _find_move(self, merge: Merge, meeting: Meeting, anyway: bool = False) -> Move | None:
-        if not merge.may_move or not (merge.has_grown(meeting) or anyway):
-            return None
+        with self.own.naming():
+            if not merge.may_move or not (merge.has_grown(meeting) or anyway):
+                return None
         if self.workshop.out_of_order(merge.tools.rule, self.own.map_type.name, meeting.donor_type):
             return None
         return self.attempts.find_move(merge.tools, meeting, merge.match, merge.stood[0], merge.site)
@@ -184,7 +198,8 @@ class Standing:
         A verdict like the last one is only written down at the rhythm of the log, or when somebody wants to ``tell``.
         """
         try:
-            sample = merge.measure(stamp_ns, everything)
+            with self.own.naming():
+                sample = merge.measure(stamp_ns, everything)
             for complaint in merge.complaints:
                 self.complain(complaint, stamp_ns, merge.donor, merge=merge)
             merge.complaints.clear()
@@ -208,7 +223,7 @@ class Standing:
             self._follow_attached(merge, stamp_ns, verdict, sample, tell)
             return
         if verdict.action == "revert" and not merge.decided_by_person:
-            self.revert(merge, stamp_ns, verdict.reason, by, sample, evidence=verdict.evidence)
+            self.revert(merge, stamp_ns, Grounds(verdict.reason, by, sample, verdict.evidence))
         elif verdict.action == "confirm" and merge.state == "provisional":
             merge.state = "confirmed"
             self.changes += 1
@@ -234,32 +249,37 @@ class Standing:
             merge.stop_watching()
             self.journal.changed("verified", stamp_ns, merge, f"not verified any more: {error}", "merge")
         else:
-            self.revert(merge, stamp_ns, f"it cannot be verified any more: {error}", "merge", refuse=False)
+            self.revert(merge, stamp_ns, Grounds(f"it cannot be verified any more: {error}", "merge"), refuse=False)
 
-    def revert(
-        self,
-        merge: Merge,
-        stamp_ns: int,
-        reason: str,
-        by: str,
-        sample: Sample | None = None,
-        by_person: bool = False,
-        evidence: Mapping[str, float] | None = None,
-        refuse: bool = True,
-    ) -> None:
+    def revert(self, merge: Merge, stamp_ns: int, grounds: Grounds, refuse: bool = True) -> None:
         """Take the donor's data out of the map again, and refuse its places from now on, if not told otherwise."""
         self.show("before revert", stamp_ns, merge.merge_id)
-        exactness = self.reversal.revert(merge.merge_id)
+        exactness = self.take_out(merge, stamp_ns, grounds.reason)
         del self.by_donor[merge.donor]
         self.changes += 1
         self._fused_changed()
         merge.state = "reverted"
-        self.ended[merge.donor] = Ending(merge.merge_id, stamp_ns, by, reason)
+        self.ended[merge.donor] = Ending(merge.merge_id, stamp_ns, grounds.by, grounds.reason)
         if refuse:
-            refusal = Refusal(merge.merge_id, tuple(merge.stood), merge.match.score, by_person)
+            refusal = Refusal(merge.merge_id, tuple(merge.stood), merge.match.score, grounds.by_person)
             self.attempts.refusals.add(merge.donor, refusal)
-        self.journal.changed("reverted", stamp_ns, merge, reason, by, sample, exactness, evidence=evidence)
+        told = (grounds.reason, grounds.by, grounds.sample)
+        self.journal.changed("reverted", stamp_ns, merge, *told, exactness, evidence=grounds.evidence)
         self.show("after revert", stamp_ns, merge.merge_id)
+
+    def take_out(self, merge: Merge, stamp_ns: int, reason: str) -> Exactness:
+        """Take a merge's contribution out of the map; where the map type cannot that is written down."""
+        try:
+            with self.own.asking():
+                return self.reversal.revert(merge.merge_id)
+        except (PluginError, MapError) as error:
+            named = "" if isinstance(error, PluginError) else f"the map type {self.own.map_type.name!r} refuses: "
+            wanted = "reverted" if merge.chain is None else "detached"
+            said = f"{named}{error}; {merge.merge_id}, which was to be {wanted} ({reason}), stands"
+            method = error.method if isinstance(error, FailedPluginError) else ""
+            failure = FailedPluginError(said, (KIND, self.own.map_type.name), method or "reset")
+            self.complain(failure, stamp_ns, merge.donor, merge=merge)
+            raise IrreversibleError(said) from error
 
     def _fused_changed(self) -> None:
         """Something came in or went out: where metrics see the merged map, what they know of it no longer holds."""
@@ -269,15 +289,23 @@ class Standing:
                 merge.target_changed()
 
     def complain(
-        self, error: PluginError | MapError, stamp_ns: int, donor: str, rule: str = "", merge: Merge | None = None
+        self,
+        error: PluginError | MapError | ReversalError,
+        stamp_ns: int,
+        donor: str,
+        rule: str = "",
+        merge: Merge | None = None,
     ) -> None:
-        """Write down that a plugin failed, and remember it."""
+        """Write down that a plugin failed, and remember it; that one is not asked again is told once."""
         if isinstance(error, PluginError):
             self.workshop.guard.note(error)
+        if (said := str(error)) in self.workshop.guard.set_aside.values():
+            if said in self._told:
+                return
+            self._told.add(said)
         self.journal.failed(stamp_ns, donor, error, rule, merge)
 
     def show(self, why: Moment, stamp_ns: int, merge_id: str = "", entering: tuple[Merge, ...] = ()) -> None:
         """Take a snapshot of the robot's maps; a map type that cannot show them is complained of."""
-        error = self.own.show(why, stamp_ns, merge_id, (*self.all, *entering))
-        if error is not None and not self.failed:
+        for error in self.own.show(why, stamp_ns, merge_id, (*self.all, *entering)):
             self.complain(error, stamp_ns, "")

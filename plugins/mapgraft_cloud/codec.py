@@ -110,6 +110,8 @@ def layer_with(header: Any) -> tuple[CloudLayer, list[SensorModel]]:
         raise ValueError(f"voxels of {voxel_m} m")
     if header["mapper"] not in _MAPPERS or min(int(header["observations"]), int(header["dropped"])) < 0:
         raise ValueError(f"the mapper {header['mapper']!r} after {header['observations']} observations")
+    if not header["pools"]:
+        raise ValueError("no pools")
     models = [SensorModel(int(l_hit), int(l_miss)) for l_hit, l_miss, _ in header["pools"]]
     layer = CloudLayer(voxel_m, models[0])
     for x, y, height, sweeps in header["floors"]:

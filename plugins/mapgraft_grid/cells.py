@@ -190,12 +190,21 @@ def cells_inside(corners_m: NDArray[np.floating], side_m: float, lattice: Lattic
     low = (corners_m - np.array(lattice.anchor_m)) / lattice.resolution_m
     across = side_m / lattice.resolution_m
     steps = np.arange(math.ceil(across) + 1)
-    first = np.ceil(low - 0.5)  # centres lie at whole numbers and a half
+    first, end = _first_from(low), _first_from(low + across)
     _require_reach(first)
     spread = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
     cells = first.astype(np.int64)[:, None] + spread
-    inside = (cells + 0.5 < low[:, None] + across).all(axis=2)
+    inside = (cells < end[:, None]).all(axis=2)
     return cells[inside], np.nonzero(inside)[0]
+
+
+def _first_from(edge: NDArray[np.floating]) -> NDArray[np.floating]:
+    """The first cells whose centres, at whole numbers and a half, do not lie before an edge, in cells.
+
+    Squares side by side say the same of the edge between them, though each gets there by sums of its own.
+    """
+    first: NDArray[np.floating] = np.ceil(np.round(edge - 0.5, 9))
+    return first
 
 
 def added(cells: Cells, counts: CellCounts) -> tuple[Cells, CellCounts]:

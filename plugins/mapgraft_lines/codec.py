@@ -9,13 +9,13 @@ have equal bytes.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapgraft.contracts import ConfigError
 from mapgraft_lines.kernels.keys import INDEX_BITS, SLOT_BITS, SLOTS
 from mapgraft_lines.layer import (
     CONVERTED,
@@ -28,6 +28,7 @@ from mapgraft_lines.layer import (
     LineLayer,
     W,
 )
+from mapgraft_lines.parameters import cell
 from mapgraft_lines.table import Counts, Table
 from mapgraft_standard.frames import Frame
 
@@ -69,7 +70,7 @@ def decode(data: bytes) -> LineLayer:
     line, newline, body = bytes(_FRAME.unpacked(data)).partition(b"\n")
     try:
         layer = _layer(json.loads(line), body)
-    except (ValueError, KeyError, TypeError, RecursionError) as fault:
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError, ConfigError) as fault:
         raise _FRAME.damaged(fault) from fault
     if not newline or encode(layer) != data:
         raise _FRAME.damaged("its parts are not as written")
@@ -92,9 +93,7 @@ def _layer(header: Any, body: bytes) -> LineLayer:
 
 def layer_of(header: Any, rows: Sequence[NDArray[np.int64]]) -> LineLayer:
     """The layer of a header and the rows of the four tables, each its key and its counts; ValueError if none."""
-    cell_m = float(header["cell_m"])
-    if not (0.0 < cell_m < math.inf):
-        raise ValueError(f"cells of {cell_m} m")
+    cell_m = cell(float(header["cell_m"]))
     if header["mapper"] not in _MAPPERS or int(header["observations"]) < 0:
         raise ValueError(f"the mapper {header['mapper']!r} after {header['observations']} observations")
     tables = [

@@ -39,6 +39,7 @@ from mapgraft.outputs.null_sink import NullSink
 from mapgraft.plugins import Origin, load_plugin, load_plugins
 from mapgraft.recording.mission import open_mission
 from mapgraft.robot import Robot
+from mapgraft.standing import Grounds
 
 LOG = Path(__file__).parents[3] / "shared/data/carmen/intel-corrected.log.gz"
 START_S, END_S = 0.0, 2700.0
@@ -161,7 +162,7 @@ def take_out_by_hand(met: Met) -> int:
     for name, robot in met.robots.items():
         for merge in list(robot.merges.values()):
             if not met.is_right(name, merge.donor, merge.comparison.T_receiver_donor):
-                robot.standing.revert(merge, met.stamp_ns, "by hand", "person")
+                robot.standing.revert(merge, met.stamp_ns, Grounds("by hand", "person"))
                 taken += 1
     met.assembly.exchange.hold(Meeting(met.stamp_ns + 1))
     return taken

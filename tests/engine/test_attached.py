@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from mapgraft.contracts import Transform
 from mapgraft.graph.claims import Claim, Source
 from mapgraft.persons import Hand
+from mapgraft.standing import Grounds
 
 WORLD = {"alpha": (0, 2, 5), "bravo": (0, 2, 5, 20, 27, 38, 54), "charlie": (20, 27, 38, 54), "delta": (38, 54, 70)}
 SHIFT = {"alpha": 0, "bravo": 100, "charlie": -20, "delta": 7}  # of a robot's own line against the world
@@ -352,7 +353,7 @@ def test_whatever_happened_the_map_is_that_of_what_is_known(apart, hear, actions
             hold(robots, "alpha", "bravo")
             alpha.consider(robots["bravo"].offer(), robots["bravo"].layer(), stamp_ns)
         elif one == "revert" and "bravo" in alpha.merges:
-            alpha.standing.revert(alpha.merges["bravo"], stamp_ns, "at random", "test", refuse=False)
+            alpha.standing.revert(alpha.merges["bravo"], stamp_ns, Grounds("at random", "test"), refuse=False)
     alpha.heard(99)
     inside = {name for name in (*reachable(alpha), *alpha.merges) if name != "alpha"}
     expected = sum([alone("alpha")] * heard, Counter()) + sum(map(alone, inside), Counter())

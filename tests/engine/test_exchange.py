@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -32,6 +33,37 @@ def test_an_offer_survives_the_way(provenance, bounds, extra):
 def test_noise_is_no_offer(data):
     with pytest.raises(MapError, match="an offer of"):
         Offer.decode(data)
+
+
+def _offer(**changed: object) -> bytes:
+    sound = json.loads(Offer(Provenance("a", 1, 2), MapMetadata("grid", 0.05, extra={"x": 1.0})).encode())
+    metadata = {**sound["metadata"], **{k: v for k, v in changed.items() if k in sound["metadata"]}}
+    return json.dumps({**sound, "metadata": metadata, **{k: v for k, v in changed.items() if k in sound}}).encode()
+
+
+UNFIT = {
+    "an infinite epoch": _offer(provenance=["a", math.inf, 1]),
+    "too short": _offer(provenance=["a", 1]),
+    "metadata as a word": _offer(metadata="x"),
+    "a type that is no word": _offer(type=[]),
+    "a resolution that is no number": _offer(resolution_m="fine"),
+    "a resolution that is true": _offer(resolution_m=True),
+    "three bounds": _offer(bounds_m=[1, 2, 3]),
+    "a bound that is a word": _offer(bounds_m=[1, 2, 3, "x"]),
+    "nothing to call what it can send": _offer(can_send=[1]),
+    "more than plain values": _offer(extra={"x": [1]}),
+    "lists in lists": b"[" * 3000,
+}
+
+
+@pytest.mark.parametrize("data", UNFIT.values(), ids=UNFIT)
+def test_an_offer_that_nobody_would_write_is_refused(data):
+    with pytest.raises(MapError, match=r"an offer of .* cannot be read"):
+        Offer.decode(data)
+
+
+def test_the_offer_that_these_are_made_of_is_sound():
+    assert Offer.decode(_offer()).metadata.extra == {"x": 1.0}
 
 
 @given(x=st.floats(-20, 20), y=st.floats(-20, 20), yaw=st.floats(-3, 3))

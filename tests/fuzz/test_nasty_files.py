@@ -6,7 +6,9 @@ import json
 from pathlib import Path
 
 import nasty_files
+import nasty_recording
 import pytest
+from nasty_case import Nasty
 
 CASES = nasty_files.all_cases()
 EXPECTED = json.loads(nasty_files.EXPECTED.read_text())
@@ -21,13 +23,13 @@ def test_there_are_many_distinct_inputs_each_with_its_outcome():
 
 
 def test_the_inputs_are_the_same_every_time():
-    nasty_files.sound_recording.cache_clear()
+    nasty_recording.sound_recording.cache_clear()
     again = nasty_files.all_cases()
     assert [case.files for case in again] == [case.files for case in CASES]
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_a_nasty_input_gets_its_sentence(case: nasty_files.Nasty, tmp_path: Path):
+def test_a_nasty_input_gets_its_sentence(case: Nasty, tmp_path: Path):
     code, out, err = nasty_files.outcome(case, tmp_path / "here")
     expected = EXPECTED[case.name]
     said = nasty_files.told(err if code else out)

@@ -21,6 +21,7 @@ from mapgraft.outputs.read_back import read_events
 from mapgraft.plugins import Origin, load_plugin, load_plugins
 from mapgraft.recording.mission import open_mission
 from mapgraft.robot import Robot
+from mapgraft.standing import Grounds
 
 AROUND = ("robot1", "robot2"), ("robot2", "robot1"), ("robot2", "robot3"), ("robot3", "robot2")
 
@@ -122,7 +123,7 @@ def test_a_revert_far_away_leaves_no_trace(met):
     contribution = first.reversal.contributions[merge.merge_id]
     for receiver, donor in (("robot2", "robot3"), ("robot3", "robot2")):
         robot = met.robots[receiver]
-        robot.standing.revert(robot.merges[donor], 1, "it is wrong", "test")
+        robot.standing.revert(robot.merges[donor], 1, Grounds("it is wrong", "test"))
     assert fused(first) == with_both
     everybody = [claim for robot in met.robots.values() for claim in told_by(robot)]
     first.claims.join(everybody)

@@ -85,6 +85,13 @@ class Chart:
         return len(self.counts)
 
 
+def _stretches(layer: Heard) -> dict[bytes, bytes]:
+    stretches: dict[int, list[tuple[int, int]]] = {}
+    for at, n in layer.evidence().items():
+        stretches.setdefault(at // 10, []).append((at, n))
+    return {b"%d" % stretch: json.dumps(told).encode() for stretch, told in stretches.items()}
+
+
 class Beacons:
     """The map type; what others call a whole metre here is a place, and places lie ``spacing_m`` apart.
 
@@ -164,10 +171,7 @@ class Beacons:
 
     def parts(self, layer: Heard) -> dict[bytes, bytes]:
         """By stretches of ten places."""
-        stretches: dict[int, list[tuple[int, int]]] = {}
-        for at, n in layer.evidence().items():
-            stretches.setdefault(at // 10, []).append((at, n))
-        return {b"%d" % stretch: json.dumps(told).encode() for stretch, told in stretches.items()}
+        return _stretches(layer)
 
     def join(self, parts: Mapping[bytes, bytes]) -> Heard:
         try:
@@ -175,7 +179,7 @@ class Beacons:
             layer = Heard(Counter({int(at): int(n) for at, n in told}))
         except (ValueError, TypeError) as error:
             raise MapError(f"these parts are no beacons: {error}") from None
-        if self.parts(layer) != dict(parts):
+        if _stretches(layer) != dict(parts):
             raise MapError("these parts are not as they are cut")
         return layer
 

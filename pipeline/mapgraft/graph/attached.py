@@ -62,12 +62,13 @@ class Attachments:
                 self.standing.complain(error, stamp_ns, source.name)
 
     def detach(self, source: Source, reason: str, stamp_ns: int) -> None:
-        """Take an attached layer out again, if it is there."""
-        merge = self.standing.attached.pop(source, None)
-        self._made_of.pop(source, None)
+        """Take an attached layer out again, if it is there; raises IrreversibleError when the map type cannot."""
+        merge = self.standing.attached.get(source)
         if merge is None:
             return
-        exactness = self.standing.reversal.revert(merge.merge_id)
+        exactness = self.standing.take_out(merge, stamp_ns, reason)
+        del self.standing.attached[source]
+        self._made_of.pop(source, None)
         merge.state = "reverted"
         self.standing.journal.changed("detached", stamp_ns, merge, reason, BY, exactness=exactness)
         self.standing.show("after revert", stamp_ns, merge.merge_id)
@@ -93,7 +94,8 @@ class Attachments:
         merge = self.standing.attached[source]
         self.standing.journal.changed("attached", stamp_ns, merge, reason, BY, size=sent.size)
         self.standing.show("after merge", stamp_ns, name)
-        merge.start(stamp_ns)
+        with self.standing.own.naming():
+            merge.start(stamp_ns)
 
     def _enter(
         self, name: str, source: Source, chain: Chain, tools: Tools, grafted: Grafted, site: Site, stamp_ns: int
@@ -128,7 +130,8 @@ class Attachments:
         if is_elsewhere:  # what spoke for it no longer does
             self._enter(merge.merge_id, source, chain, merge.tools, grafted, merge.site, stamp_ns)
             merge = standing.attached[source]
-            merge.start(stamp_ns)
+            with standing.own.naming():
+                merge.start(stamp_ns)
         else:
             self._swap(source, merge, grafted, moved or newer)
         if moved or newer:

@@ -16,6 +16,7 @@ from mapgraft.graph.held import HeldLayers
 from mapgraft.merge import Merge
 from mapgraft.persons import Hand
 from mapgraft.refusals import Refusal
+from mapgraft.standing import Grounds as Reasons
 from mapgraft.standing import Standing
 
 CONSISTENCY: Final = "consistency"
@@ -69,8 +70,6 @@ class Member:
 
         The result depends on what is known, and not on the order in which it came.
         """
-        if self.standing.failed:
-            return
         self.publish(stamp_ns)
         known = self._state()
         if known == self._known and not self.standing.doubted:
@@ -129,8 +128,8 @@ class Member:
         if claim.receiver == self.me:
             merge = self.standing.by_donor.get(claim.donor.name)
             if merge is not None and _number_of(merge) == claim.epoch and not merge.decided_by_person:
-                evidence = grounds.evidence
-                self.standing.revert(merge, stamp_ns, grounds.sentence, CONSISTENCY, evidence=evidence)
+                told = Reasons(grounds.sentence, CONSISTENCY, evidence=grounds.evidence)
+                self.standing.revert(merge, stamp_ns, told)
         elif claim.donor == self.me:
             self.claims.add(_reverted(claim, stamp_ns, CONSISTENCY, grounds.sentence))
 
@@ -139,7 +138,7 @@ class Member:
         merge = self.standing.by_donor.get(claim.donor.name)
         if merge is None or _number_of(merge) != claim.epoch or merge.decided_by_person:
             return
-        self.standing.revert(merge, stamp_ns, f"{claim.donor.name} says: {claim.reason}", claim.by)
+        self.standing.revert(merge, stamp_ns, Reasons(f"{claim.donor.name} says: {claim.reason}", claim.by))
 
     def _tell_disputes(self, explanation: Explanation, stamp_ns: int) -> None:
         """Say once of each own merge that it is in dispute."""

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from mapgraft.contracts import MapError
-from mapgraft.errors import PluginError
+from mapgraft.errors import PluginError, ReversalError
 from mapgraft.network.node import Node
 from mapgraft.network.radio import NS_PER_S, Radio, Traffic
 from mapgraft.network.wire import Message, encode, kind_of
 
 MOST_ROUNDS: Final = 64  # of telling within one meeting on a perfect radio; what is left is told at the next one
-Failed = Callable[[str, PluginError | MapError, int], None]
+Failed = Callable[[str, PluginError | MapError | ReversalError, int], None]
 
 
 @dataclass(slots=True)
@@ -111,5 +111,5 @@ class Medium:
         """What comes through is the fault of the robot's own map type: its part in the run ends, the others go on."""
         try:
             yield
-        except (PluginError, MapError) as error:
+        except (PluginError, MapError, ReversalError) as error:
             self.failed(name, error, now_ns)

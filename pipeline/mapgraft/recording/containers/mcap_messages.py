@@ -70,11 +70,13 @@ def messages(data: bytes | memoryview, want: Wanted) -> Messages:
     while size - position >= MESSAGE_HEAD:  # what is shorter cannot be a message
         opcode, length, channel_id, _, log_ns = _message_head(view, position)
         begin, position = position + MESSAGE_HEAD, position + 9 + length
-        if opcode != OPCODE_MESSAGE or channel_id not in channels or not start_ns <= log_ns <= end_ns:
-            strangers += opcode == OPCODE_MESSAGE and channel_id not in declared
+        if opcode != OPCODE_MESSAGE:
             continue
         if position > size or position < begin:
             return Messages(sorted(found, key=_log_ns), True, strangers)
+        if channel_id not in channels or not start_ns <= log_ns <= end_ns:
+            strangers += channel_id not in declared
+            continue
         found.append(RawMessage(channels[channel_id], log_ns, view[begin:position]))
         in_order = in_order and last_ns <= log_ns
         last_ns = log_ns
