@@ -26,6 +26,7 @@ from mapgraft.recording.containers.mcap_shapes import (
     next_beginning,
     record_at,
 )
+from mapgraft.recording.containers.octets import Octets
 
 BARE_BLOCK_BYTES = 1 << 20
 """Messages outside chunks are read in blocks of about this size."""
@@ -51,7 +52,7 @@ class Walk:
     Schemas and channels outside chunks are handed to ``declare``.
     """
 
-    def __init__(self, view: memoryview, faults: ReadFaults, declare: Callable[[object], None]) -> None:
+    def __init__(self, view: Octets, faults: ReadFaults, declare: Callable[[object], None]) -> None:
         self._view = view
         self._faults = faults
         self._declare = declare

@@ -13,6 +13,7 @@ from mapgraft.errors import FailedPluginError
 from mapgraft.guard import Guard
 from mapgraft.plugins import Plugins
 from mapgraft.recording.containers.limits import ReadLimits
+from mapgraft.recording.containers.octets import Octets
 from mapgraft.recording.containers.opening import Reader, open_source
 from mapgraft.recording.robots.glimpse import Glimpse, glimpse
 from mapgraft.recording.robots.payloads import Decoder, Payloads, checked_size
@@ -23,14 +24,22 @@ class Library:
     """Opens recordings and ready-made map files, with what plugins add to both.
 
     ``typestore`` names the rosbags typestore for messages whose definition is not in their file. ``guard`` watches over
-    plugins' readers, decoders and formats.
+    plugins' readers, decoders and formats. ``octets`` holds the bytes of MCAP files that are not on this machine, by
+    the path that stands for each.
     """
 
-    def __init__(self, plugins: Plugins | None, typestore: str, limits: LimitsConfig | None = None) -> None:
+    def __init__(
+        self,
+        plugins: Plugins | None,
+        typestore: str,
+        limits: LimitsConfig | None = None,
+        octets: Mapping[Path, Octets] | None = None,
+    ) -> None:
         self._plugins = plugins or Plugins()
         self._limits = limits or LimitsConfig()
         self.guard = Guard(self._limits)
         self._typestore = typestore
+        self._octets = {path.resolve(): known for path, known in (octets or {}).items()}
         self._glimpses: dict[Path, Glimpse] = {}
         self._readers = [
             Reader(offered.descriptor.accepts, self._reader(offered.descriptor.name))
@@ -50,7 +59,9 @@ class Library:
         key = path.resolve()
         if key not in self._glimpses:
             bounds = ReadLimits(self._limits.chunk_bytes, self._limits.expansion)
-            source = open_source(path, typestore=self._typestore, readers=self._readers, limits=bounds)
+            source = open_source(
+                path, typestore=self._typestore, readers=self._readers, limits=bounds, octets=self._octets.get(key)
+            )
             try:
                 self._glimpses[key] = glimpse(source, self.payloads)
             except BaseException:
