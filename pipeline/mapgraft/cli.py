@@ -19,7 +19,11 @@ USAGE_FAULT = cast("type[Exception]", typer.BadParameter.__mro__[1])
 SIGNALLED = 128  # plus its number is what a shell expects of a program that a signal ended
 INTERRUPTED = SIGNALLED + signal.SIGINT
 ENDING = (signal.SIGTERM, signal.SIGHUP)  # what a system that shuts down, or a terminal that is closed, sends
-LOGGING = ("run", "revert", "confirm", "forbid")  # commands that write while they go on
+_DECIDED = "what was decided before is on disk"
+LEFT = dict.fromkeys(("run", "revert", "confirm", "forbid"), _DECIDED) | {
+    "corpus": "what was done before is in the data set, and the same command goes on from there"
+}
+"""What is left of commands that write while they go on, when they are ended."""
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -111,6 +115,29 @@ def run(
         without=no_plugin or [],
         verify_ledger=verify_ledger,
     )
+
+
+@app.command()
+def corpus(
+    source: Annotated[str, typer.Argument(metavar="RUNS", help="A YAML file of missions, or a folder of recordings.")],
+    dataset: Annotated[str, typer.Option("--out", "-o", help="Folder or URL (s3://…) of the data set to add to.")],
+    config: Annotated[
+        list[str] | None, typer.Option("--config", "-c", help="A configuration to run every mission with; repeatable.")
+    ] = None,
+    executor: Annotated[str, typer.Option(help="processes, threads or dask:ADDRESS.")] = "processes",
+    workers: Annotated[int | None, typer.Option(min=1, help="How many on this machine; else one per CPU.")] = None,
+    retries: Annotated[int, typer.Option(min=0, help="How often to try again what may pass.")] = 2,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="List the jobs, and which are done.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+    json: Json = False,
+    no_plugin: NoPlugin = None,
+    debug: Debug = False,
+) -> None:
+    """Run many missions, each with every configuration, into one data set; what is there is not done again."""
+    from mapgraft.commands.corpus import Asked, corpus_and_show
+
+    asked = Asked(source, dataset, tuple(config or ()), executor, workers, retries, tuple(no_plugin or ()))
+    corpus_and_show(asked, dry_run=dry_run, quiet=quiet, as_json=json)
 
 
 Out = Annotated[Path, typer.Argument(help="The folder of an earlier run.")]
@@ -400,7 +427,7 @@ def _ended(code: int, arguments: list[str]) -> int:
     if code != INTERRUPTED:
         return code
     command = next((word for word in arguments if not word.startswith("-")), "")
-    left = "what was decided before is on disk" if command in LOGGING else "nothing was written"
+    left = LEFT.get(command, "nothing was written")
     if _received:
         return _fail(f"ended by {_received[0].name}; {left}", SIGNALLED + _received[0])
     return _fail(f"interrupted; {left}", code)
