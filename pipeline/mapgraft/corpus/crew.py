@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import queue
 import threading
 from collections.abc import Callable
@@ -83,8 +84,8 @@ class Crew(Executor):
             if not call.future.set_running_or_notify_cancel():
                 continue
             try:
-                connection.send(call[1:])
-                good, result = connection.recv()
+                connection.send_bytes(pickle.dumps(call[1:]))
+                good, result = pickle.loads(connection.recv_bytes())
             except GONE:
                 replaced = self._replaced(connection)
                 call.future.set_exception(WorkerDiedError("its process has ended, perhaps for want of memory"))
@@ -116,9 +117,20 @@ def _work(connection: Connection) -> None:
         os.environ.setdefault(name, "1")  # read by libraries when they are loaded, which is below
     with suppress(*GONE):
         while True:
-            function, args, kwargs = connection.recv()
+            call = connection.recv_bytes()
             try:
-                made = (True, function(*args, **kwargs))
+                function, args, kwargs = pickle.loads(call)
+                made = pickle.dumps((True, function(*args, **kwargs)))
             except Exception as error:
-                made = (False, error)
-            connection.send(made)
+                made = _packed(error)
+            connection.send_bytes(made)
+
+
+def _packed(error: Exception) -> bytes:
+    """An error as it can travel: as itself, or as what it says where its kind does not let itself be pickled."""
+    try:
+        packed = pickle.dumps((False, error))
+        pickle.loads(packed)
+    except Exception:
+        packed = pickle.dumps((False, RuntimeError(f"{type(error).__name__}: {error}")))
+    return packed
