@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
-from mapgraft.corpus.fetching import Digests
+from mapgraft.corpus.fetching import Digests, scratch
+from mapgraft.corpus.places import local
 from mapgraft.corpus.stores import FolderStore, Store, asking, open_store
 from mapgraft.errors import OutputError
+from mapgraft.outputs.lock import CORPUS, require_kind
 from mapgraft.outputs.parquet_log import WRITTEN
 from mapgraft.outputs.tables import Row, rows_table
-from mapgraft_schemas import arrow_schema
+from mapgraft_schemas import VERSION, arrow_schema
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -55,10 +58,9 @@ class Dataset:
         """Note that a job has failed, in the place of what was noted before."""
         self._store.put(_written(scratch, FAILURES, row), _name(FAILURES, "job", job_id))
 
-    def forgive(self, job_ids: Iterable[str]) -> None:
-        """Take away what was noted of jobs that have succeeded since."""
-        for job_id in sorted({*job_ids} & self.failures()):
-            self._store.remove(_name(FAILURES, "job", job_id))
+    def forgive(self, job_id: str) -> None:
+        """Take away what was noted of a job that has succeeded since."""
+        self._store.remove(_name(FAILURES, "job", job_id))
 
     def failures(self) -> set[str]:
         """The ids of the jobs that have failed."""
@@ -103,10 +105,29 @@ class Dataset:
             if sha256 is not None and modified_ns is not None
         }
 
-    def tidy(self) -> None:
-        """Take away what processes that were killed have left half-written."""
+    def prepare(self) -> None:
+        """Make it a data set if it is none yet, and take away what processes that were killed have left half-written.
+
+        Raises OutputError where there is something else, or a data set of a version that is not known here.
+        """
         if isinstance(self._store, FolderStore):
+            require_kind(local(self.url), CORPUS)
             self._store.tidy()
+        if (told := self._store.read(CORPUS)) is None:
+            with scratch() as folder:
+                file = folder / CORPUS
+                file.write_text(json.dumps({"schema_version": VERSION}) + "\n", encoding="utf-8")
+                self._store.put(file, CORPUS)
+        elif _major(told) != VERSION.partition(".")[0]:
+            raise OutputError(f"{self.url} is a data set of another version than {VERSION}: choose another place")
+
+
+def _major(told: bytes) -> str:
+    """The major version that ``corpus.json`` tells; empty where that cannot be read."""
+    try:
+        return str(json.loads(told)["schema_version"]).partition(".")[0]
+    except (ValueError, KeyError, TypeError):
+        return ""
 
 
 def _name(table: str, key: str, value: str) -> str:

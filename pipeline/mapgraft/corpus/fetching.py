@@ -7,6 +7,7 @@ import hashlib
 import os
 import shutil
 import tempfile
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
@@ -24,6 +25,7 @@ from mapgraft.recording.containers.octets import RangedOctets
 from mapgraft.stand_ins import StandIns
 
 _PREFIX, _LOCK = "mapgraft-corpus-", ".lock"
+_A_MINUTE_S = 60.0  # nobody takes so long between making a folder and locking it
 Digests = Mapping[tuple[str, int, int], str]
 """SHA-256 of files by path, size and time of last writing: those need not be read whole again."""
 
@@ -48,16 +50,22 @@ def _locked() -> tuple[Path, int]:
     """A new folder with its lock; another one, where somebody swept it away before it was locked."""
     while True:
         folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
-        lock = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o600)
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if (folder / _LOCK).exists():
-            return folder, lock
-        os.close(lock)
+        with suppress(FileNotFoundError):
+            lock = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o600)
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if (folder / _LOCK).exists():
+                return folder, lock
+            os.close(lock)
 
 
 def _sweep(folder: Path) -> None:
-    with suppress(OSError):  # it is another user's, just being made, or gone meanwhile
-        lock = os.open(folder / _LOCK, os.O_RDWR)
+    with suppress(OSError):  # it is another user's, or gone meanwhile
+        try:
+            lock = os.open(folder / _LOCK, os.O_RDWR)
+        except FileNotFoundError:  # just being made, or half taken away
+            if time.time() - folder.stat().st_mtime > _A_MINUTE_S:
+                shutil.rmtree(folder, ignore_errors=True)
+            return
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             shutil.rmtree(folder, ignore_errors=True)

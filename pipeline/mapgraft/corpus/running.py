@@ -91,19 +91,21 @@ class _Course:
         self._ended: queue.SimpleQueue[tuple[Task, Future[Outcome]]] = queue.SimpleQueue()
         self._under_way = 0
         self._run_ids: dict[str, Job] = {}  # of jobs that were done now
+        self._noted: set[str] = set()  # ids of jobs that had failed before
 
     def begin(self, jobs: Sequence[Job]) -> None:
         """Submit what is not there, and see it to its end."""
-        self._dataset.tidy()
+        self._dataset.prepare()
+        self._noted = self._dataset.failures()
         digests = _digests(jobs, self._dataset)
         there = those_there(jobs, self._dataset, self._without, digests)
         for job in jobs:
             if job in there:
                 self.report.kept[job] = there[job]
+                self._forgive(job)
                 self._tell(job)
             else:
                 self._submit(Task(job, self._dataset.url, _of(job, digests), self._without))
-        self._dataset.forgive(job.id for job in self.report.kept)
         while self._under_way:
             self._hear(*self._next())
 
@@ -134,8 +136,13 @@ class _Course:
             self.report.done[task.job] = outcome
         else:
             self.report.kept[task.job] = outcome.run_id
-        self._dataset.forgive([task.job.id])
+        self._forgive(task.job)
         self._tell(task.job)
+
+    def _forgive(self, job: Job) -> None:
+        if job.id in self._noted:
+            self._dataset.forgive(job.id)
+            self._noted.discard(job.id)
 
     def _failed(self, task: Task, outcome: Outcome) -> None:
         if outcome.again and task.attempt <= self._retries:

@@ -34,6 +34,10 @@ class Store(Protocol):
         ...
 
     def has(self, name: str) -> bool: ...
+    def read(self, name: str) -> bytes | None:
+        """All of a small file; None where there is none."""
+        ...
+
     def put(self, file: Path, name: str) -> None:
         """Copy a file of this machine there. Who looks sees nothing of it, or what was there before, or all of it."""
         ...
@@ -104,6 +108,10 @@ class FolderStore:
     def has(self, name: str) -> bool:
         return (self._root / name).is_file()
 
+    def read(self, name: str) -> bytes | None:
+        with writing(self._root):
+            return (self._root / name).read_bytes() if self.has(name) else None
+
     def put(self, file: Path, name: str) -> None:
         aside, place = self._root / UNFINISHED / uuid4().hex, self._root / name
         with writing(self._root):
@@ -163,6 +171,14 @@ class ObjectStore:
         with asking(f"{self._url}/{name} cannot be looked for"):
             self._filesystem.invalidate_cache()
             return bool(self._filesystem.exists(f"{self._root}/{name}"))
+
+    def read(self, name: str) -> bytes | None:
+        with asking(f"{self._url}/{name} cannot be read"):
+            try:
+                data: bytes = self._filesystem.cat_file(f"{self._root}/{name}")
+            except FileNotFoundError:
+                return None
+            return data
 
     def put(self, file: Path, name: str) -> None:
         with asking(f"{self._url}/{name} cannot be written"):
