@@ -12,7 +12,7 @@ from typing import Any, Protocol, overload
 
 from mapgraft.errors import RecordingError
 
-BLOCK_BYTES = 256 << 10
+BLOCK_BYTES = 64 << 10
 """What is fetched begins and ends at multiples of this: small neighbours come with one request."""
 
 Read = Callable[[int, int], bytes]  # begin, end → the bytes between; raises OSError; called from several threads
@@ -34,7 +34,7 @@ def unpacked(form: struct.Struct, octets: Octets, at: int) -> tuple[Any, ...]:
 
 
 class RangedOctets:
-    """The bytes of a file elsewhere. Only the blocks that somebody looks at are fetched, each once.
+    """The bytes of a file elsewhere. Only the blocks that somebody looks at are fetched, and kept.
 
     They are kept in a file without a name, which is gone when nobody holds a view any more, however the process ends.
     Looking raises RecordingError where the bytes cannot be had. ``fetched_bytes`` and ``requests`` tell what it cost.
