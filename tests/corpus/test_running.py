@@ -18,6 +18,7 @@ import mapgraft
 from mapgraft.corpus import Dataset, Job, executor_of, read_plan, run_corpus
 from mapgraft.corpus.crew import WorkerDiedError
 from mapgraft.corpus.dataset import PART, TABLES
+from mapgraft.outputs.labels import label
 
 Content = Callable[[str], dict[str, bytes]]
 
@@ -189,3 +190,14 @@ def test_every_configuration_makes_a_run_of_its_own(recordings: Path, tmp_path: 
     runs = Dataset(place).table("runs").to_pylist()
     assert len({row["run_id"] for row in runs}) == 2
     assert {row["config"]: "multi_map" in row["config_text"] for row in runs} == {"ledger": False, "two": True}
+
+
+def test_what_people_say_of_merges_is_read_with_the_runs(done: str, tmp_path: Path) -> None:
+    place = tmp_path / "set"
+    shutil.copytree(done, place)
+    events = Dataset(done).table("events").to_pylist()
+    merge = next(event for event in events if event["kind"] == "merged")
+    said = {"merge_id": merge["merge_id"], "receiver": merge["receiver"], "donor": merge["donor"]}
+    label(place, merge["run_id"], verdict="right", **said)
+    (row,) = Dataset(str(place)).table("labels").to_pylist()
+    assert (row["run_id"], row["merge_id"], row["label"]) == (merge["run_id"], merge["merge_id"], "right")

@@ -75,9 +75,13 @@ def far_recording(url: str) -> FarRecording:
     filesystem, path = filesystem_of(url)
     with asking(f"{url} cannot be read", RecordingError):
         filesystem.invalidate_cache()
-        found = filesystem.find(path, detail=True)
+        try:
+            told = filesystem.info(path)
+        except FileNotFoundError:
+            raise RecordingError(f"{url} does not exist") from None
+        found = filesystem.find(path, detail=True) if told["type"] == "directory" else {path: told}
     if not found:
-        raise RecordingError(f"{url} does not exist")
+        raise RecordingError(f"{url} is an empty folder: name a file")
     files = [_far_file(url + str(name).removeprefix(path), filesystem, told) for name, told in sorted(found.items())]
     if files[0].url != url and f"{url.rstrip('/')}/{_BAG}" not in [file.url for file in files]:
         raise RecordingError(f"{url} is a folder without {_BAG}, which is no ROS 2 bag: name a file")
@@ -88,6 +92,8 @@ def _far_file(url: str, filesystem: Any, told: Mapping[str, Any]) -> FarFile:
     etag = next((str(told[key]) for key in _ETAGS if told.get(key)), "")
     if not etag:
         raise RecordingError(f"the store of {url} tells no ETag, by which its contents are known: copy it to a disk")
+    if told.get("size") is None:
+        raise RecordingError(f"the store of {url} does not tell its size: copy it to a disk")
     return FarFile(url, int(told["size"]), etag.strip('"'), filesystem, str(told["name"]))
 
 

@@ -99,13 +99,17 @@ class _Course:
         self._noted = self._dataset.failures()
         digests = _digests(jobs, self._dataset)
         there = those_there(jobs, self._dataset, self._without, digests)
+        by_path = dict[str, dict[tuple[str, int, int], str]]()
+        for key, digest in digests.items():
+            by_path.setdefault(key[0], {})[key] = digest
         for job in jobs:
             if job in there:
                 self.report.kept[job] = there[job]
                 self._forgive(job)
                 self._tell(job)
             else:
-                self._submit(Task(job, self._dataset.url, _of(job, digests), self._without))
+                own = {key: digest for place in places_of(job) for key, digest in by_path.get(place, {}).items()}
+                self._submit(Task(job, self._dataset.url, own, self._without))
         while self._under_way:
             self._hear(*self._next())
 
@@ -220,9 +224,3 @@ def _looked_up(jobs: Sequence[Job]) -> dict[str, FarRecording]:
 
 def _is_near(job: Job) -> bool:
     return not all(map(is_url, places_of(job)))
-
-
-def _of(job: Job, digests: Digests) -> Digests:
-    """The digests that a job's worker may need."""
-    places = set(places_of(job))
-    return {key: digest for key, digest in digests.items() if key[0] in places}
