@@ -13,6 +13,7 @@ from mapgraft.corpus.stores import FolderStore, Store, asking, open_store
 from mapgraft.errors import OutputError
 from mapgraft.outputs.lock import CORPUS, require_kind
 from mapgraft.outputs.parquet_log import WRITTEN
+from mapgraft.outputs.staging import writing
 from mapgraft.outputs.tables import Row, rows_table
 from mapgraft_schemas import VERSION, arrow_schema
 
@@ -146,5 +147,6 @@ def _written(folder: Path, table: str, row: Mapping[str, Any]) -> Path:
     import pyarrow.parquet as pq
 
     path = folder / f"{table}.parquet"
-    pq.write_table(rows_table(table, [row]), path, version="2.6", compression="zstd")
+    with writing(folder):
+        pq.write_table(rows_table(table, [row]), path, version="2.6", compression="zstd")
     return path

@@ -71,7 +71,7 @@ def work(task: Task) -> Outcome:
     except Exception as error:
         taken_s = monotonic() - began_s
         reason = told.of(str(error) or "it gave no reason")
-        if not isinstance(error, MapgraftError):
+        if not isinstance(error, MapgraftError | OSError):
             reason = f"internal error, {type(error).__name__}: {reason}"
         again = not isinstance(error, _FINAL) or isinstance(error.__cause__, OSError)
         return Outcome(task.job.id, "failed", "", taken_s, 0, type(error).__name__, reason, again)
