@@ -22,7 +22,8 @@ from mapgraft.contracts import (
     Transform,
 )
 from mapgraft.errors import MapError
-from mapgraft.procedures import Tools, Workshop, blaming
+from mapgraft.guard import Call
+from mapgraft.procedures import Tools, Workshop
 from mapgraft.refusals import Refusals
 from mapgraft.registration import Move, Site, find_move
 from mapgraft.reversal import Reversal
@@ -104,7 +105,7 @@ class Attempts:
         plugin fails in any other way.
         """
         try:
-            with blaming(tools):
+            with self._naming():
                 return self._try(tools, donation, prior, about_m)
         except MapError as error:
             return Attempt("unmatched", str(error), 0)
@@ -129,7 +130,7 @@ class Attempts:
 
     def meet(self, tools: Tools, donation: Donation) -> Meeting:
         """Where a donor's layer meets the receiver's by a rule; raises what a plugin raises, as ``graft``."""
-        with blaming(tools):
+        with self._naming():
             return self._meet(donation, tools.rule.via)
 
     def graft(self, tools: Tools, meeting: Meeting, match: Match) -> Grafted:
@@ -137,7 +138,7 @@ class Attempts:
 
         Raises MapError when a plugin refuses it, PluginError when one fails in any other way.
         """
-        with blaming(tools):
+        with self._naming():
             return self._graft(tools, meeting, match)
 
     def find_move(
@@ -149,7 +150,7 @@ class Attempts:
         Raises PluginError when the matcher fails in any other way.
         """
         try:
-            with blaming(tools):
+            with self._naming():
                 move = find_move(tools.matcher, meeting.target, meeting.source, standing, accepted, site)
         except MapError:
             return None
@@ -159,6 +160,10 @@ class Attempts:
         here = self.refusals.at(donor, standing.T_receiver_donor, site.about_m)
         there = self.refusals.at(donor, move.match.T_receiver_donor, site.about_m)
         return None if any(refusal not in here for refusal in there) else move
+
+    def _naming(self) -> Call:
+        """A context for what is no call of a plugin: what fails there is a layer, a map or a region of the map type."""
+        return self.workshop.guard.naming("map type", self.own_type.name)
 
     def changed(self) -> None:
         """The receiver's map has changed."""

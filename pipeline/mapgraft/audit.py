@@ -14,6 +14,8 @@ import numpy as np
 from mapgraft.assembly import map_type_of
 from mapgraft.config import Config
 from mapgraft.contracts import Layer, Map, MapError, MapType, Observation, Provenance
+from mapgraft.errors import FailedPluginError
+from mapgraft.guard import Call, Guard
 from mapgraft.plugins import Plugins
 from mapgraft.procedures import Workshop
 from mapgraft.robot import Robot
@@ -34,15 +36,19 @@ def audit(
     robots: Mapping[str, Robot],
     config: Config,
     plugins: Plugins,
+    guard: Guard | None = None,
 ) -> list[Finding]:
-    """One finding per robot, by name; ``kinds`` tells what each observes, ``observations`` are those of the run."""
-    workshop = Workshop(plugins)
-    anew = {name: _Anew(map_type_of(name, kinds[name], config, workshop)) for name in robots}
+    """One finding per robot, by name; ``kinds`` tells what each observes, ``observations`` are those of the run.
+
+    ``guard`` watches over the map types: one that fails now is named in its robots' findings, which are not sound then.
+    """
+    workshop = Workshop(plugins, guard=guard or Guard())
+    anew = {name: _Anew(name, map_type_of(name, kinds[name], config, workshop), workshop.guard) for name in robots}
     wanted = {source for robot in robots.values() for source in _sources(robot)}
     for name, robot in robots.items():
         wanted.add((name, robot.reversal.offered_version))
-    for name, again in anew.items():
-        again.keep(name, wanted)
+    for again in anew.values():
+        again.begin(wanted)
     for observation in observations:
         again = anew[observation.robot]
         if again.version < robots[observation.robot].reversal.version:
@@ -52,26 +58,50 @@ def audit(
 
 @dataclass(slots=True)
 class _Anew:
-    """One robot's evidence, integrated once more; ``kept`` holds it encoded as it was at the versions wanted."""
+    """One robot's evidence, integrated once more; ``kept`` holds it encoded as it was at the versions wanted.
 
+    ``failed`` says why its map type could not go on.
+    """
+
+    robot: str
     map_type: MapType
+    guard: Guard
     layer: Layer = field(init=False)
     version: int = 0
     kept: dict[int, bytes] = field(default_factory=dict)
+    failed: str = ""
 
-    def __post_init__(self) -> None:
-        self.layer = self.map_type.new_layer()
+    def asking(self) -> Call:
+        return self.guard.calling("map type", self.map_type.name)
+
+    def begin(self, wanted: set[tuple[str, int]]) -> None:
+        try:
+            with self.asking():
+                self.layer = self.map_type.new_layer()
+                self._keep(wanted)
+        except (FailedPluginError, MapError) as error:
+            self.failed = str(error)
 
     def integrate(self, observation: Observation, wanted: set[tuple[str, int]]) -> None:
+        if self.failed:
+            return
         try:
-            self.map_type.integrate(self.layer, observation)
+            with self.asking():
+                self.map_type.integrate(self.layer, observation)
         except MapError:  # left out then as now
             return
+        except FailedPluginError as error:
+            self.failed = str(error)
+            return
         self.version += 1
-        self.keep(observation.robot, wanted)
+        try:
+            with self.asking():
+                self._keep(wanted)
+        except (FailedPluginError, MapError) as error:
+            self.failed = str(error)
 
-    def keep(self, robot: str, wanted: set[tuple[str, int]]) -> None:
-        if (robot, self.version) in wanted:
+    def _keep(self, wanted: set[tuple[str, int]]) -> None:
+        if (self.robot, self.version) in wanted:
             self.kept[self.version] = self.map_type.encode(self.layer)
 
 
@@ -82,20 +112,30 @@ def _sources(robot: Robot) -> list[tuple[str, int]]:
 def _finding(robot: Robot, anew: Mapping[str, _Anew]) -> Finding:
     if robot.failed:
         return Finding(robot.name, True, f"is not checked, for it took no part to the end: {robot.failed}")
-    faults = [*_own_faults(robot, anew[robot.name]), *_donor_faults(robot, anew), *_view_faults(robot, anew)]
+    again = anew[robot.name]
+    if again.failed:
+        return Finding(robot.name, False, f"cannot be checked: {again.failed}")
+    faults: list[str] = []
+    for look in (_own_faults, _donor_faults, _view_faults):
+        try:
+            with again.asking():
+                faults += look(robot, anew)
+        except (FailedPluginError, MapError) as error:
+            faults.append(f"cannot be checked: {error}")
     if faults:
         return Finding(robot.name, False, "; ".join(faults))
     others = len(robot.reversal.contributions)
     with_ = f" and {others} contribution{'s' * (others != 1)}" if others else ""
-    return Finding(robot.name, True, f"{robot.reversal.version} observations{with_} recomputed, all equal")
+    own = robot.reversal.version
+    return Finding(robot.name, True, f"{own} observation{'s' * (own != 1)}{with_} recomputed, all equal")
 
 
-def _own_faults(robot: Robot, again: _Anew) -> list[str]:
-    version = robot.reversal.offered_version
+def _own_faults(robot: Robot, anew: Mapping[str, _Anew]) -> list[str]:
+    version, again = robot.reversal.offered_version, anew[robot.name]
     held = robot.map_type.encode(robot.reversal.offered_layer())
     if again.kept.get(version) == held:
         return []
-    return [f"its own layer of {version} observations differs from one integrated anew"]
+    return [f"its own layer of {version} observation{'s' * (version != 1)} differs from one integrated anew"]
 
 
 def _donor_faults(robot: Robot, anew: Mapping[str, _Anew]) -> list[str]:

@@ -57,7 +57,7 @@ class PosesConfig(Section):
     topic instead of the tf tree. ``max_gap_s``: how far the nearest poses on both sides of a scan may lie apart in
     time; a scan without a pose is counted and left out. ``max_speed_m_s``: a scan whose pose has jumped farther than a
     robot of this speed moves is counted and left out, until the poses stay where they jumped to. ``prefix``: put before
-    bare frames of ``/<robot>/tf``.
+    bare frames of ``/<robot>/tf``. ``parents`` says on which frame one hangs that the recording hangs on several.
     """
 
     file: Path | None = None
@@ -65,6 +65,7 @@ class PosesConfig(Section):
     map_frame: str | None = None
     base_frame: str | None = None
     prefix: str | None = None
+    parents: dict[str, str] = Field(default_factory=dict)
     max_gap_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.5
     max_speed_m_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 50.0
 
@@ -169,8 +170,8 @@ class LimitsConfig(Section):
 
     chunk_bytes: Annotated[int, Field(ge=1)] = 128 << 20
     expansion: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1000.0
-    beams: Annotated[int, Field(ge=1)] = 1 << 20
-    grid_cells: Annotated[int, Field(ge=1)] = 400_000_000
+    beams: Annotated[int, Field(ge=1)] = 100_000
+    grid_cells: Annotated[int, Field(ge=1)] = 40_000_000
     robots: Annotated[int, Field(ge=1)] = 100
     extent_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 50_000.0
     plugin_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 300.0

@@ -46,7 +46,9 @@ def parse_yaml(text: str, what: str, error: type[MapgraftError]) -> object:
     """What a YAML 1.2 text holds; raises ``error`` with one sentence when it is no YAML or beyond the bounds."""
     try:
         _check(text, what, error)
-        found: object = YAML(typ="safe", pure=True).load(text)
+        reader = YAML(typ="safe", pure=True)
+        reader.composer.warn_double_anchors = False  # YAML allows it: the last one counts
+        found: object = reader.load(text)
     except _FAULTS as fault:
         raise error(f"{what} is not valid YAML{_place(fault)}") from None
     return found

@@ -6,11 +6,13 @@ MapgraftError                  exit code 1; one sentence: what, what was found, 
 │   └── DecisionTableError     the decision table does not fit its schema
 ├── RecordingError             a file cannot be read as a recording, or holds nothing to map
 ├── PluginError                a plugin is missing, broken, or broke its contract
-│   └── FailedPluginError      one plugin failed while the run was under way; the run goes on without it
+│   ├── FailedPluginError      one plugin failed while the run was under way; the run goes on without it
+│   └── SetAsideError          a plugin failed so often before, or took so long, that it was not asked this time
 ├── TransformError             a matrix is not a rigid transform, or a pose is not finite
 ├── MapError                   a map cannot be read, is empty, or does not fit the operation
 │   └── EmptyMapError          the map knows nothing yet
 ├── ReversalError              a merge cannot be made, replaced or taken out
+│   └── IrreversibleError      a map type failed to take a merge out again, which therefore stands
 └── OutputError                the output folder cannot be written
 """
 
@@ -46,12 +48,25 @@ class PluginError(MapgraftError):
 
 
 class FailedPluginError(PluginError):
-    """One plugin failed while the run was under way; ``plugin`` is its kind and name."""
+    """One plugin failed while the run was under way.
 
-    def __init__(self, sentence: str, plugin: tuple[str, str], *, took_too_long: bool = False) -> None:
+    ``plugin`` is its kind and name, ``method`` what it was asked for, where it is asked for many things.
+    """
+
+    def __init__(
+        self, sentence: str, plugin: tuple[str, str], method: str = "", *, took_too_long: bool = False
+    ) -> None:
+        super().__init__(sentence)
+        self.plugin, self.method = plugin, method
+        self.took_too_long = took_too_long
+
+
+class SetAsideError(PluginError):
+    """A plugin was not asked, because it failed too often before or took too long; ``plugin`` is its kind and name."""
+
+    def __init__(self, sentence: str, plugin: tuple[str, str]) -> None:
         super().__init__(sentence)
         self.plugin = plugin
-        self.took_too_long = took_too_long
 
 
 class TransformError(MapgraftError):
@@ -68,6 +83,10 @@ class EmptyMapError(MapError):
 
 class ReversalError(MapgraftError):
     """A merge cannot be made, replaced or taken out."""
+
+
+class IrreversibleError(ReversalError):
+    """A map type failed to take a merge out again, which therefore stands; an event tells it."""
 
 
 class OutputError(MapgraftError):

@@ -32,10 +32,10 @@ from mapgraft.contracts import (
 )
 from mapgraft.errors import PluginError
 from mapgraft.guard import Guard
+from mapgraft.sound_maps import sound_layer, sound_region
 from mapgraft.soundness import (
     sound_contribution,
     sound_decision,
-    sound_layer,
     sound_matches,
     sound_measurement,
     sound_verdict,
@@ -93,8 +93,8 @@ class GuardedConversion:
     guard: Guard
 
     def convert(self, layer: Layer, source: MapType, target: MapType) -> Layer:
-        if said := self.guard.set_aside.get(("conversion", self.name)):  # merges that stand go on without it
-            raise PluginError(said)
+        if (refused := self.guard.refused("conversion", self.name)) is not None:  # merges that stand go on without it
+            raise refused
         with self.guard.calling("conversion", self.name):
             return sound_layer(self.conversion.convert(layer, source, target), target.name)
 
@@ -139,4 +139,5 @@ class GuardedLocalTracker:
     @property
     def concerns(self) -> Region | None:
         with self.guard.calling("metric", self.name):
-            return self.tracker.concerns
+            concerns = self.tracker.concerns
+            return None if concerns is None else sound_region(concerns)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from mapgraft.attempt import Attempt
 from mapgraft.contracts import Exactness, MapMetadata, MapType, Match, Measurement, Provenance, Sample, Transform
 from mapgraft.decision import Ruling
-from mapgraft.errors import FailedPluginError
+from mapgraft.errors import FailedPluginError, SetAsideError
 from mapgraft.events import DonorMap, Event, Kind, Sink, Snapshot
 from mapgraft.merge import Merge
 from mapgraft.procedures import Tools
@@ -117,27 +117,29 @@ class Journal:
         layer: Callable[[], bytes],
         donors: Callable[[], Mapping[str, DonorMap]],
         merge_id: str = "",
-    ) -> None:
-        """The robot's maps as of now, if wanted; ``layer`` gives what it would offer, encoded, ``donors`` what it has
-        from others."""
+    ) -> Snapshot | None:
+        """The robot's maps as of now, None where they are not wanted; ``layer`` gives what it would offer, encoded,
+        ``donors`` what it has from others."""
         if not self.snapshots and why != "end":
-            return
+            return None
         reversal = self.reversal
-        self.history.sink.mapped(
-            Snapshot(
-                self.robot,
-                stamp_ns,
-                why,
-                self.map_type,
-                reversal.own(),
-                reversal.fused(),
-                layer(),
-                metadata(),
-                reversal.version,
-                merge_id,
-                donors(),
-            )
+        return Snapshot(
+            self.robot,
+            stamp_ns,
+            why,
+            self.map_type,
+            reversal.own(),
+            reversal.fused(),
+            layer(),
+            metadata(),
+            reversal.version,
+            merge_id,
+            donors(),
         )
+
+    def mapped(self, snapshot: Snapshot) -> None:
+        """Hand a snapshot to the sink."""
+        self.history.sink.mapped(snapshot)
 
     def failed(self, stamp_ns: int, donor: str, error: Exception, rule: str = "", merge: Merge | None = None) -> None:
         """A plugin failed; the sentence names it. ``merge`` is the standing merge that it was asked about."""
@@ -150,7 +152,7 @@ class Journal:
                 "merge_id": merge.merge_id,
                 "state": merge.state,
             }
-        by = " ".join(error.plugin) if isinstance(error, FailedPluginError) else "plugin"
+        by = " ".join(error.plugin) if isinstance(error, FailedPluginError | SetAsideError) else "plugin"
         self._record("failed", stamp_ns, donor, **{"rule": rule, **of_merge}, by=by, reason=str(error))
 
     def _record(self, kind: Kind, stamp_ns: int, donor: str, **fields: Any) -> None:

@@ -23,6 +23,8 @@ from mapgraft.contracts import Observation
 from mapgraft.decision import DecisionTable, build_table
 from mapgraft.errors import PluginError, RecordingError, UsageError
 from mapgraft.events import Event, Sink, Snapshot
+from mapgraft.failures import failure_sentences
+from mapgraft.guard import Guard
 from mapgraft.outputs.provenance import InputFile, RunProvenance, run_id_of
 from mapgraft.outputs.run_output import OpenOutput, RunOutput
 from mapgraft.plugins import Plugins, load_plugins
@@ -45,8 +47,8 @@ class Result:
     ``maps`` holds every robot's last snapshot: ``maps["alpha"].fused.dense()`` for a grid. ``traffic`` counts bytes per
     (donor, receiver). ``start_ns`` is the mission's first stamp. ``lost`` says in sentences what of the files could
     not be read and which observations could not be used, and why; ``remarks`` what was noticed about the robots'
-    sources, such as a map file that is probably not meant as it says. ``ledgers`` holds what ``verify_ledger`` found
-    out, one finding per robot.
+    sources, such as a map file that is probably not meant as it says; ``failed`` which plugins failed. ``ledgers``
+    holds what ``verify_ledger`` found out, one finding per robot.
     """
 
     run_id: str
@@ -58,6 +60,7 @@ class Result:
     start_ns: int = 0
     lost: Sequence[str] = ()
     remarks: Sequence[str] = ()
+    failed: Sequence[str] = ()
     ledgers: Sequence[Finding] = ()
 
     @property
@@ -137,25 +140,29 @@ def run(
     with ExitStack() as stack:
         with watch.stage("opening"):
             mission = stack.enter_context(open_mission(paths, checked, plugins=plugins, octets=stand_ins.octets))
+            stack.enter_context(mission.guard.armed())
             table = build_table(plugins, checked.rules)
             provenance, run_id = identify(paths, checked, plugins, table, stand_ins.known)
             fan = Fan(list(sinks))
             assembly = assemble(mission, checked, plugins, table, fan)  # before the folder is touched: it may refuse
         folder = None
         if out is not None:
-            folder = _output(out, checked)(stem(paths[0]), run_id, provenance)
-            fan.sinks.insert(0, stack.enter_context(folder))  # what anybody else hears of is on disk
+            folder = _output(out, checked, assembly.exchange.guard)(stem(paths[0]), run_id, provenance)
+            stack.push(folder)  # before it is opened: Ctrl-C in between would leave a recording without an end
+            fan.sinks.insert(0, folder.open())  # what anybody else hears of is on disk
             folder.keep(MISSION_FILE, remembered_text(paths, checked).encode())
         if opened is not None:
             opened(*_span_of(mission, checked))
-        with assembly.exchange.guard.armed():
-            count = _replayed(mission, assembly, fan, watch)
+        count = _replayed(mission, assembly, fan, watch)
+        if folder is not None:
+            _write_maps(folder, assembly, fan)
         lost, missing = _lost(mission, assembly), losses(mission)  # before the files are read once more
         remarks = tuple(_remarks(mission, assembly))
+        failed = tuple(failure_sentences(assembly.history.events, assembly.exchange.guard, mission.start_ns))
         ledgers = _audited(mission, assembly, checked, plugins) if verify_ledger else []
         if folder is not None:
             _tell_costs(folder, watch, assembly.exchange.traffic.sent)
-            folder.noticed((*remarks, *lost))
+            folder.noticed((*remarks, *failed, *lost))
             folder.lost([asdict(loss) for loss in missing])
             folder.audited([asdict(finding) for finding in ledgers])
             folder.finish()
@@ -169,17 +176,18 @@ def run(
             start_ns=mission.start_ns,
             lost=(*lost, *(folder.unshown if folder else ())),
             remarks=(*remarks, *(folder.unfinished if folder else ())),
+            failed=failed,
             ledgers=tuple(ledgers),
         )
 
 
-def _output(out: Path | str | OpenOutput, config: Config) -> OpenOutput:
+def _output(out: Path | str | OpenOutput, config: Config, guard: Guard) -> OpenOutput:
     """What opens a run's output: a folder, where one is named."""
     from mapgraft.outputs.run_folder import RunFolder
 
     if callable(out):
         return out
-    return partial(RunFolder, Path(out), scans=config.output.scans, report=config.output.report)
+    return partial(RunFolder, Path(out), scans=config.output.scans, report=config.output.report, guard=guard)
 
 
 def _asked(
@@ -198,12 +206,19 @@ def _lost(mission: Mission, assembly: Assembly) -> list[str]:
     from mapgraft.recording.losses import fault_sentences
 
     refused = [line for name, robot in assembly.robots.items() for line in robot.left_out.sentences(name)]
-    return [*fault_sentences(mission), *mission.tally.sentences(), *refused]
+    return [*fault_sentences(mission.faults), *mission.tally.sentences(), *refused]
+
+
+def _write_maps(folder: RunOutput, assembly: Assembly, fan: Fan) -> None:
+    """Write the maps' files while events can still tell of a map type that fails at it."""
+    folder.write_maps()
+    for robot, error in assembly.exchange.guard.take_untold():
+        assembly.robots[robot].complain(error, fan.last[robot].stamp_ns)
 
 
 def _audited(mission: Mission, assembly: Assembly, config: Config, plugins: Plugins) -> list[Finding]:
     kinds = {robot.name: robot.kinds for robot in mission.robots}
-    return audit(mission.observations(), kinds, assembly.robots, config, plugins)
+    return audit(mission.observations(), kinds, assembly.robots, config, plugins, mission.guard)
 
 
 def _remarks(mission: Mission, assembly: Assembly) -> list[str]:
@@ -256,7 +271,7 @@ def map_alone(files: Sequence[Path], config: Config, plugins: Plugins, table: De
     from mapgraft.outputs.null_sink import NullSink
     from mapgraft.recording.mission import open_mission
 
-    with open_mission(files, config, plugins=plugins) as mission:
+    with open_mission(files, config, plugins=plugins) as mission, mission.guard.armed():
         robots = assemble(mission, config, plugins, table, NullSink()).robots
         for observation in mission.observations():
             robots[observation.robot].observe(observation)

@@ -7,7 +7,7 @@ from typing import Final
 
 from mapgraft.contracts import Observation
 
-_ALIKE: Final = 40  # characters: sentences that begin alike tell one reason, with other numbers
+ALIKE: Final = 40  # characters: sentences that begin alike tell one reason, with other numbers
 
 
 @dataclass(slots=True)
@@ -19,11 +19,12 @@ class LeftOut:
 
     def add(self, observation: Observation, why: str) -> None:
         self.count += 1
-        count, first = self.reasons.get(why[:_ALIKE], (0, f"the first, at {observation.stamp_ns / 1e9:.3f} s: {why}"))
-        self.reasons[why[:_ALIKE]] = (count + 1, first)
+        count, first = self.reasons.get(why[:ALIKE], (0, f"the first, at {observation.stamp_ns / 1e9:.3f} s: {why}"))
+        self.reasons[why[:ALIKE]] = (count + 1, first)
 
     def sentences(self, robot: str) -> list[str]:
         """What a person should know."""
         return [
-            f"{robot}: {count} observations did not enter the map; {first}" for count, first in self.reasons.values()
+            f"{robot}: {count} observation{'s' * (count != 1)} did not enter the map; {first}"
+            for count, first in self.reasons.values()
         ]

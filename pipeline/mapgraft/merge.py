@@ -22,7 +22,7 @@ from mapgraft.contracts import (
     Verdict,
 )
 from mapgraft.errors import PluginError
-from mapgraft.procedures import Tools, blaming
+from mapgraft.procedures import Tools
 from mapgraft.registration import Site
 from mapgraft.rhythm import Rhythm
 from mapgraft.trail import Trail
@@ -161,11 +161,10 @@ class Merge:
         self._began = self._registered = self._told = now
         if self.meeting is not None:
             self._known = (self.meeting.target.known(), self.meeting.source.known())
-        with blaming(self.tools):
-            for name in dict.fromkeys((*verify.metric_names, *verify.log.metrics)):
-                tracker = self.tools.metrics[name].track(self.comparison)
-                rhythm = self._judged if name in verify.metric_names else self._logged
-                rhythm.watches[name] = _Watch.begin(tracker, now, self.comparison.converted)
+        for name in dict.fromkeys((*verify.metric_names, *verify.log.metrics)):
+            tracker = self.tools.metrics[name].track(self.comparison)
+            rhythm = self._judged if name in verify.metric_names else self._logged
+            rhythm.watches[name] = _Watch.begin(tracker, now, self.comparison.converted)
         sample = self.measure(stamp_ns, everything=True)
         self._said = "keep"
         if sample is not None and self.comparison.subject == "merged":
@@ -201,11 +200,10 @@ class Merge:
         trail, now = self.trail, self.trail.now
         measured: dict[str, Measurement] = {}
         judged = logged = False
-        with blaming(self.tools):
-            if everything or self._judged.rhythm.is_due(now):
-                judged = self._judged.look(trail, everything, measured)
-            if everything or self._logged.rhythm.is_due(now):
-                logged = self._look_for_the_record(everything, measured)
+        if everything or self._judged.rhythm.is_due(now):
+            judged = self._judged.look(trail, everything, measured)
+        if everything or self._logged.rhythm.is_due(now):
+            logged = self._look_for_the_record(everything, measured)
         self._plan()
         if not (judged or logged or everything):
             return None
@@ -297,8 +295,7 @@ class Merge:
 
     def judge(self) -> Verdict:
         """The verifier's word on the history so far."""
-        with blaming(self.tools):
-            return self.tools.verifier.verify(self.history, self.reversal)
+        return self.tools.verifier.verify(self.history, self.reversal)
 
     def tells(self, verdict: Verdict, wanted: bool = False) -> bool:
         """Whether a verdict is written down: it is wanted, not the last one again, or the time of the log has come."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from mapgraft.contracts import Donation, MapMetadata, MapType, Provenance
-from mapgraft.errors import FailedPluginError, MapError
+from mapgraft.errors import MapError, PluginError
 from mapgraft.events import DonorMap
 from mapgraft.exchange import LayerMessage, Offer
 from mapgraft.guard import Call
@@ -31,8 +32,12 @@ class OwnMap:
     _described: tuple[int, MapMetadata] | None = None
 
     def asking(self) -> Call:
-        """A context in which the robot's own map type is asked."""
+        """A context in which the robot's own map type is asked, and its layers, maps and regions."""
         return self.workshop.guard.calling("map type", self.map_type.name)
+
+    def naming(self) -> Call:
+        """The same around calls of tools, each of which has a time of its own."""
+        return self.workshop.guard.naming("map type", self.map_type.name)
 
     def offer(self) -> bytes:
         """What this robot tells about its map; raises FailedPluginError or MapError when its type cannot tell."""
@@ -76,12 +81,12 @@ class OwnMap:
 
     def show(
         self, why: Moment, stamp_ns: int, merge_id: str, merges: tuple[Merge, ...]
-    ) -> FailedPluginError | MapError | None:
-        """Take a snapshot, with the donors of these merges; returns why the map cannot be shown, if it cannot."""
+    ) -> Sequence[PluginError | MapError]:
+        """Take a snapshot, with the donors of these merges; returns why maps cannot be shown, where they cannot."""
         donors = {merge.donor: merge.comparison for merge in merges}
         try:
             with self.asking():
-                self.journal.snapshot(
+                snapshot = self.journal.snapshot(
                     why,
                     stamp_ns,
                     self.own_metadata,
@@ -89,6 +94,8 @@ class OwnMap:
                     lambda: {name: DonorMap(one.map_type, one.donor) for name, one in donors.items()},
                     merge_id,
                 )
-        except (FailedPluginError, MapError) as error:  # its evidence is as it was
-            return error
-        return None
+        except (PluginError, MapError) as error:  # its evidence is as it was
+            return [error]
+        if snapshot is not None:  # what writing it costs, or meets, is not the map type's affair
+            self.journal.mapped(snapshot)
+        return [error for _, error in self.workshop.guard.take_untold()]

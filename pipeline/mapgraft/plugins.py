@@ -15,7 +15,7 @@ import pluggy
 
 from mapgraft import hooks
 from mapgraft.contracts.plugin import CONTRACT, DECLARED_IN, PROJECT, UNDECLARED, Descriptor, require_contract
-from mapgraft.errors import ConfigError, PluginError
+from mapgraft.errors import ConfigError, MapgraftError, PluginError
 
 GROUP = OWN = "mapgraft"
 NO_AUTOLOAD = "MAPGRAFT_DISABLE_PLUGIN_AUTOLOAD"
@@ -181,6 +181,10 @@ class Plugins:
             return factory(**given)
         except TypeError as error:
             raise ConfigError(f"the {kind} {name!r} refused its parameters {given}: {error}") from error
+        except MapgraftError:
+            raise
+        except Exception as error:  # a stranger's constructor may fail in any way
+            raise PluginError(f"the {kind} {name!r} cannot be made: {type(error).__name__}: {error}") from error
 
 
 def load_plugins(without: Collection[str] = ()) -> Plugins:

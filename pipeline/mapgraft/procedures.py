@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from types import TracebackType
 from typing import cast
 
 from mapgraft.contracts import Acceptor, Conversion, Fuser, Layer, MapType, Matcher, Metric, Policy, Verifier
 from mapgraft.decision import DecisionTable, Procedure, Rule
-from mapgraft.errors import ConfigError, MapgraftError, PluginError
+from mapgraft.errors import ConfigError, PluginError
 from mapgraft.guard import Guard
 from mapgraft.guarded import (
     GuardedAcceptor,
@@ -20,8 +19,10 @@ from mapgraft.guarded import (
     GuardedMetric,
     GuardedVerifier,
 )
+from mapgraft.guarded_map_type import KIND, GuardedMapType
 from mapgraft.plugins import PluginKind, Plugins
 
+MERGING = ("", "encode", "decode", "view", "place", "absorb", "region", "known_region")  # asked of map types to merge
 METHODS: Mapping[PluginKind, tuple[str, ...]] = {
     "map type": (
         "new_layer",
@@ -79,37 +80,6 @@ class Converter:
         for conversion, source, target in self.hops:
             layer = conversion.convert(layer, source, target)
         return layer
-
-
-def blaming(tools: Tools) -> _Blaming:
-    """Turn whatever a plugin of a rule does wrong into a PluginError that names the rule and its plugins.
-
-    Errors of ours pass: they are sentences already.
-    """
-    return _Blaming(tools)
-
-
-class _Blaming:
-    """What ``blaming`` enters, for every scan and merge: a generator would cost ten times as much."""
-
-    __slots__ = ("_tools",)
-
-    def __init__(self, tools: Tools) -> None:
-        self._tools = tools
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if not isinstance(error, Exception) or isinstance(error, MapgraftError):
-            return  # all else is a stranger's code, which may fail in any way
-        procedure = self._tools.procedure
-        uses = f"matcher {procedure.match.use!r}, fuser {procedure.fuse.use!r}, verifier {procedure.verify.use!r}"
-        metrics = ", ".join(map(repr, procedure.metric_names))
-        what = f"{type(error).__name__}: {error}"
-        raise PluginError(f"rule {self._tools.rule.name!r} ({uses}, metrics {metrics}) failed: {what}") from error
 
 
 def _parts(rule: Rule) -> list[tuple[PluginKind, str, Mapping[str, object]]]:
@@ -182,15 +152,16 @@ class Workshop:
     def out_of_order(self, rule: Rule, own: str, other: str) -> str | None:
         """Why a rule cannot be used any more in this run for a receiver and a donor of these types.
 
-        One of its plugins was set aside, or of the conversions that it takes.
+        One of its plugins was set aside, or of the conversions that it takes, or a map type.
         """
         if rule.reject is not None or not self.guard.set_aside:
             return None
         meeting = rule.via or own
         ways = (self.plugins.way(*pair) or () for pair in ((own, meeting), (other, meeting), (other, own)))
-        used = [(kind, name) for kind, name, _ in _parts(rule)]
-        used += [("conversion", hop.conversion) for way in ways for hop in way]
-        return next((why for one in used if (why := self.guard.set_aside.get(one))), None)
+        used = [(kind, name, "") for kind, name, _ in _parts(rule)]
+        used += [("conversion", hop.conversion, "") for way in ways for hop in way]
+        used += [(KIND, name, method) for name in dict.fromkeys((own, meeting, other)) for method in MERGING]
+        return next((str(why) for one in used if (why := self.guard.refused(*one)) is not None), None)
 
     def _tool(self, kind: PluginKind, name: str, parameters: Mapping[str, object]) -> object:
         """One tool, made once for all rules that want it with the same parameters."""
@@ -201,7 +172,7 @@ class Workshop:
 
     def new_map_type(self, name: str, parameters: Mapping[str, object]) -> MapType:
         """A map type for one robot, with its parameters."""
-        return cast("MapType", self._make("map type", name, parameters))
+        return GuardedMapType(cast("MapType", self._make("map type", name, parameters)), self.guard)
 
     def map_type(self, name: str) -> MapType:
         """A map type without parameters that belongs to nobody: for decoding what others sent, and to meet in."""

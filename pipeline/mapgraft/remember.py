@@ -11,6 +11,7 @@ from typing import Any
 from mapgraft.config import Config, parse_config
 from mapgraft.errors import UsageError
 from mapgraft.outputs.lock import settled
+from mapgraft.outputs.staging import SUFFIX
 
 MISSION_FILE = "mission.json"
 HAND_FIELDS = ("priors", "forbid", "verdicts")  # what persons say afterwards does not make it another run
@@ -44,6 +45,9 @@ def recall(folder: Path) -> Remembered:
         content = json.loads(path.read_text(encoding="utf-8"))
         files, config = [Path(file) for file in content["files"]], parse_config(content["config"], str(path))
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        if (partial := path.with_name(MISSION_FILE + SUFFIX)).is_file() and not path.exists():
+            said = f"the run in {folder} is not finished ({partial.name} is there)"
+            raise UsageError(f"{said}: wait for it, or run it again if it was ended") from None
         raise UsageError(f"{folder} is not the folder of a finished run: it has no readable {MISSION_FILE}") from None
     named = [Path(file) for robot in config.robots.values() for file in robot.files]  # absolute, no patterns any more
     poses = [robot.poses.file for robot in config.robots.values() if robot.poses.file is not None]

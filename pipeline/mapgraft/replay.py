@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from itertools import permutations
 
 from mapgraft.contracts import Meeting, Observation, Policy, Situation, Transform
-from mapgraft.errors import FailedPluginError, MapError, PluginError
+from mapgraft.errors import FailedPluginError, MapError, PluginError, ReversalError
 from mapgraft.events import Sink
 from mapgraft.exchange import Traffic
 from mapgraft.guard import Guard
@@ -78,7 +78,7 @@ class Exchange:
         """What comes through is the fault of the robot's own map type: its part in the run ends, the others go on."""
         try:
             yield
-        except (PluginError, MapError) as error:
+        except (PluginError, MapError, ReversalError) as error:
             self.robots[robot].fail(error, stamp_ns)
 
     def _fetch(self, donor: str, receiver: str, stamp_ns: int) -> Callable[[], bytes]:

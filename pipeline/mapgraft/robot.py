@@ -9,7 +9,7 @@ from mapgraft.attempt import Attempt, Attempts, Grafted
 from mapgraft.candidates import Candidates, LastAttempt
 from mapgraft.contracts import MapMetadata, MapType, Observation, Prior, Provenance
 from mapgraft.decision import DecisionTable, facts_of
-from mapgraft.errors import FailedPluginError, MapError, PluginError
+from mapgraft.errors import IrreversibleError, MapError, PluginError, ReversalError
 from mapgraft.exchange import Offer
 from mapgraft.history import Journal
 from mapgraft.left_out import LeftOut
@@ -19,7 +19,7 @@ from mapgraft.persons import Hand, sigma_m
 from mapgraft.procedures import Tools, Workshop
 from mapgraft.registration import Site
 from mapgraft.reversal import Reversal
-from mapgraft.standing import Fetch, Standing
+from mapgraft.standing import Fetch, Grounds, Standing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,6 +50,7 @@ class Robot:
     candidates: Candidates = field(default_factory=Candidates)
     looked_at: dict[str, tuple[int, Provenance]] = field(default_factory=dict)  # donor → versions last considered
     left_out: LeftOut = field(default_factory=LeftOut)
+    failed: str = ""  # why the robot takes no part any more
     own: OwnMap = field(init=False)
     attempts: Attempts = field(init=False)
     standing: Standing = field(init=False)
@@ -63,11 +64,6 @@ class Robot:
     def merges(self) -> Mapping[str, Merge]:
         """The standing merges by donor."""
         return self.standing.by_donor
-
-    @property
-    def failed(self) -> str:
-        """Why the robot takes no part any more; empty while it does."""
-        return self.standing.failed
 
     def observe(self, observation: Observation) -> None:
         """Integrate an own observation; verify and register anew every standing merge whose time has come.
@@ -84,16 +80,24 @@ class Robot:
         except MapError as error:
             self.left_out.add(observation, str(error))
             return
-        except FailedPluginError as error:
+        except PluginError as error:
             self.left_out.add(observation, str(error))
             self.fail(error, observation.stamp_ns)
             return
         self.attempts.changed()
-        self.standing.observed(observation, touched)
+        try:
+            self.standing.observed(observation, touched)
+        except ReversalError as error:
+            self.fail(error, observation.stamp_ns)
 
-    def fail(self, error: PluginError | MapError, stamp_ns: int) -> None:
+    def fail(self, error: PluginError | MapError | ReversalError, stamp_ns: int) -> None:
         """End this robot's part in the run, and say why; what stands in its map stays."""
-        self.standing.failed = str(error)
+        self.failed = str(error)
+        if not isinstance(error, IrreversibleError):  # which was told of where it came up
+            self.complain(error, stamp_ns)
+
+    def complain(self, error: PluginError | MapError | ReversalError, stamp_ns: int) -> None:
+        """Write down what plugins did wrong that concerns no merge."""
         self.standing.complain(error, stamp_ns, "")
 
     def offer(self) -> bytes:
@@ -192,9 +196,10 @@ class Robot:
         self.journal.attempted(stamp_ns, attempt, tools, merge_id, provenance, size)
         self.standing.show("after merge", stamp_ns, merge_id)
         try:
-            sample = merge.start(stamp_ns, attempt.measurements)
+            with self.own.naming():
+                sample = merge.start(stamp_ns, attempt.measurements)
         except PluginError as error:
-            self.standing.revert(merge, stamp_ns, f"it cannot be measured: {error}", "merge", refuse=False)
+            self.standing.revert(merge, stamp_ns, Grounds(f"it cannot be measured: {error}", "merge"), refuse=False)
             raise
         self.journal.changed("verified", stamp_ns, merge, "measured at the merge", "merge", sample)
         return merge
@@ -207,12 +212,16 @@ class Robot:
         said = f"a person said {verdict.action}" + (f": {verdict.reason}" if verdict.reason else "")
         by = f"person {verdict.by}".strip()
         if verdict.action == "revert":
-            self.standing.revert(merge, stamp_ns, said, by, by_person=True)
+            self.standing.revert(merge, stamp_ns, Grounds(said, by, by_person=True))
         else:
             merge.state, merge.decided_by_person = "confirmed", True
             self.journal.changed("confirmed", stamp_ns, merge, said, by)
 
     def finish(self, stamp_ns: int) -> None:
         """The last look at every standing merge, and the last snapshot."""
-        self.standing.end(stamp_ns)
+        try:
+            if not self.failed:
+                self.standing.end(stamp_ns)
+        except ReversalError as error:
+            self.fail(error, stamp_ns)
         self.standing.show("end", stamp_ns)

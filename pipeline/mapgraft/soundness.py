@@ -5,10 +5,8 @@ What is checked here is what could do harm later: what enters a ledger, moves a 
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from numbers import Real
-from typing import cast
 
 import numpy as np
 
@@ -18,8 +16,6 @@ from mapgraft.contracts import (
     Decision,
     Donation,
     Finding,
-    Layer,
-    Map,
     MapType,
     Match,
     Measurement,
@@ -28,6 +24,8 @@ from mapgraft.contracts import (
     Verdict,
 )
 from mapgraft.errors import PluginError, TransformError
+from mapgraft.sound_maps import sound_layer
+from mapgraft.sound_values import finite, number, numbers, shown, text
 
 _VERDICTS = ("provisional", "ambiguous", "unmatched")
 _ACTIONS = ("keep", "confirm", "revert")
@@ -41,42 +39,42 @@ def sound_matches(found: object) -> Sequence[Match]:
         if not isinstance(match, Match):
             raise PluginError(f"gave a {type(match).__name__} among its matches")
         _rigid(match.T_receiver_donor)
-        _finite("a score", match.score)
-        _number("a margin", match.margin)
+        finite("a score", match.score)
+        number("a margin", match.margin)
         _scale(match.scale)
         if match.covariance is not None:
             covariance = np.asarray(match.covariance)
             if covariance.shape != (6, 6) or covariance.dtype.kind != "f" or not np.isfinite(covariance).all():
                 raise PluginError("gave a covariance that is not six by six finite numbers")
-        _numbers("evidence", match.evidence)
+        numbers("evidence", match.evidence)
     return found
 
 
 def sound_decision(decision: object, candidates: Sequence[Candidate]) -> Decision:
     """A verdict that exists, and a choice among the candidates there are."""
     if not isinstance(decision, Decision) or decision.verdict not in _VERDICTS:
-        raise PluginError(f"gave {_shown(decision)} where a Decision was wanted ({', '.join(_VERDICTS)})")
+        raise PluginError(f"gave {shown(decision)} where a Decision was wanted ({', '.join(_VERDICTS)})")
     chosen = decision.chosen
     fits = chosen is None or (
         isinstance(chosen, int) and not isinstance(chosen, bool) and 0 <= chosen < len(candidates)
     )
     if not fits or (decision.verdict == "provisional" and chosen is None):
         raise PluginError(f"chose number {chosen!r} of {len(candidates)} candidates for the verdict {decision.verdict}")
-    _text("a reason", decision.reason)
+    text("a reason", decision.reason)
     return decision
 
 
 def sound_measurement(measurement: object) -> Measurement:
     """A number (NaN where there is too little to measure) with its support."""
     if not isinstance(measurement, Measurement):
-        raise PluginError(f"gave {_shown(measurement)} where a Measurement was wanted")
-    _number("a value", measurement.value)
+        raise PluginError(f"gave {shown(measurement)} where a Measurement was wanted")
+    number("a value", measurement.value)
     if isinstance(measurement.support, bool) or not isinstance(measurement.support, int | np.integer):
-        raise PluginError(f"gave a support of {_shown(measurement.support)}, a count was wanted")
+        raise PluginError(f"gave a support of {shown(measurement.support)}, a count was wanted")
     if measurement.support < 0 or measurement.better not in ("higher", "lower"):
-        raise PluginError(f"gave a support of {measurement.support}, of which {_shown(measurement.better)} is better")
-    _text("a name", measurement.name)
-    _numbers("details", measurement.details)
+        raise PluginError(f"gave a support of {measurement.support}, of which {shown(measurement.better)} is better")
+    text("a name", measurement.name)
+    numbers("details", measurement.details)
     _findings(measurement.findings)
     return measurement
 
@@ -84,16 +82,16 @@ def sound_measurement(measurement: object) -> Measurement:
 def sound_verdict(verdict: object) -> Verdict:
     """An action that exists, with its reason."""
     if not isinstance(verdict, Verdict) or verdict.action not in _ACTIONS:
-        raise PluginError(f"gave {_shown(verdict)} where a Verdict was wanted ({', '.join(_ACTIONS)})")
-    _text("a reason", verdict.reason)
-    _numbers("evidence", verdict.evidence)
+        raise PluginError(f"gave {shown(verdict)} where a Verdict was wanted ({', '.join(_ACTIONS)})")
+    text("a reason", verdict.reason)
+    numbers("evidence", verdict.evidence)
     return verdict
 
 
 def sound_contribution(contribution: object, map_type: MapType, donation: Donation) -> Contribution:
     """A layer of the receiver's type, placed by a rigid transform in fixed point, and of the donor who gave it."""
     if not isinstance(contribution, Contribution):
-        raise PluginError(f"gave {_shown(contribution)} where a Contribution was wanted")
+        raise PluginError(f"gave {shown(contribution)} where a Contribution was wanted")
     sound_layer(contribution.layer, map_type.name)
     T = _rigid(contribution.T_receiver_donor)
     if T.snapped() != T:
@@ -102,34 +100,13 @@ def sound_contribution(contribution: object, map_type: MapType, donation: Donati
     if contribution.provenance != donation.provenance:
         raise PluginError(f"gave a contribution of {contribution.provenance}, the donor's was {donation.provenance}")
     if contribution.role not in ("observation", "prior"):
-        raise PluginError(f"gave a contribution in the role {_shown(contribution.role)}")
+        raise PluginError(f"gave a contribution in the role {shown(contribution.role)}")
     for region in (contribution.region, *(() if contribution.fill is None else (contribution.fill,))):
         expected = type(map_type.region(contribution.layer))
         if not isinstance(region, expected):
             raise PluginError(f"gave a region of type {type(region).__name__}, a {expected.__name__} was wanted")
-    _numbers("a summary", contribution.summary)
+    numbers("a summary", contribution.summary)
     return contribution
-
-
-def sound_layer(layer: object, map_type: str) -> Layer:
-    """A layer of the type that was asked for."""
-    told = getattr(layer, "map_type", None)
-    if told != map_type:
-        raise PluginError(
-            f"gave a {type(layer).__name__} of type {_shown(told)} where a layer of {map_type} was wanted"
-        )
-    return cast("Layer", layer)
-
-
-def sound_map(map_: object, map_type: str) -> Map:
-    """A map of the type that was asked for, which knows a number of units."""
-    if getattr(map_, "map_type", None) != map_type or not callable(getattr(map_, "known", None)):
-        raise PluginError(f"gave {_shown(map_)} where a map of type {map_type} was wanted")
-    found = cast("Map", map_)
-    known = found.known()
-    if not isinstance(known, int | np.integer) or known < 0:
-        raise PluginError(f"gave a map that knows {_shown(known)} units")
-    return found
 
 
 def sound_meetings(due: object, robots: Iterable[str]) -> Sequence[Meeting]:
@@ -139,12 +116,12 @@ def sound_meetings(due: object, robots: Iterable[str]) -> Sequence[Meeting]:
         raise PluginError(f"gave a {type(due).__name__} where a sequence of meetings was wanted")
     for meeting in due:
         if not isinstance(meeting, Meeting) or isinstance(meeting.stamp_ns, bool):
-            raise PluginError(f"gave {_shown(meeting)} where a Meeting was wanted")
+            raise PluginError(f"gave {shown(meeting)} where a Meeting was wanted")
         if not isinstance(meeting.stamp_ns, int | np.integer):
-            raise PluginError(f"gave a meeting at {_shown(meeting.stamp_ns)}, a whole number of nanoseconds was wanted")
+            raise PluginError(f"gave a meeting at {shown(meeting.stamp_ns)}, a whole number of nanoseconds was wanted")
         for pair in meeting.pairs or ():
             if len(pair) != 2 or pair[0] == pair[1] or not names.issuperset(pair):
-                raise PluginError(f"lets {_shown(pair)} meet, the robots are {', '.join(sorted(names))}")
+                raise PluginError(f"lets {shown(pair)} meet, the robots are {', '.join(sorted(names))}")
     return due
 
 
@@ -153,20 +130,20 @@ def _findings(findings: object) -> None:
         raise PluginError(f"gave findings of type {type(findings).__name__}, a sequence was wanted")
     for finding in findings:
         if not isinstance(finding, Finding):
-            raise PluginError(f"gave {_shown(finding)} among its findings")
-        _text("the kind of a finding", finding.kind)
-        _text("the unit of a finding", finding.unit)
-        _number("the value of a finding", finding.value)
+            raise PluginError(f"gave {shown(finding)} among its findings")
+        text("the kind of a finding", finding.kind)
+        text("the unit of a finding", finding.unit)
+        number("the value of a finding", finding.value)
         for end in (finding.start_m, finding.end_m):
             if not isinstance(end, tuple) or len(end) != 3:
-                raise PluginError(f"gave a finding at {_shown(end)}, x, y and z were wanted")
+                raise PluginError(f"gave a finding at {shown(end)}, x, y and z were wanted")
             for coordinate in end:
-                _finite("a coordinate of a finding", coordinate)
+                finite("a coordinate of a finding", coordinate)
 
 
 def _rigid(T: object) -> Transform:
     if not isinstance(T, Transform) or getattr(T.matrix, "shape", None) != (4, 4):
-        raise PluginError(f"gave {_shown(T)} where a Transform was wanted")
+        raise PluginError(f"gave {shown(T)} where a Transform was wanted")
     if T.matrix.dtype != np.float64 or not (T.matrix[3] == (0.0, 0.0, 0.0, 1.0)).all():
         raise PluginError("gave a transform whose matrix is not float64 with a last row of 0 0 0 1")
     try:
@@ -177,38 +154,6 @@ def _rigid(T: object) -> Transform:
 
 
 def _scale(value: object) -> None:
-    _finite("a scale", value)
+    finite("a scale", value)
     if not isinstance(value, Real) or value <= 0:
-        raise PluginError(f"gave a scale of {_shown(value)}, it must be above 0")
-
-
-def _finite(what: str, value: object) -> None:
-    _number(what, value)
-    if not isinstance(value, Real) or not math.isfinite(value):
-        raise PluginError(f"gave {what} of {_shown(value)}, a finite number was wanted")
-
-
-def _number(what: str, value: object) -> None:
-    if isinstance(value, bool) or not isinstance(value, Real):
-        raise PluginError(f"gave {what} of {_shown(value)}, a number was wanted")
-
-
-def _numbers(what: str, values: object) -> None:
-    if not isinstance(values, Mapping):
-        raise PluginError(f"gave {what} of type {type(values).__name__}, a mapping from names to numbers was wanted")
-    for name, value in values.items():
-        _text(f"a name in {what}", name)
-        if not isinstance(value, Real | np.bool_):
-            raise PluginError(f"gave {what} whose {name} is {_shown(value)}, a number was wanted")
-
-
-def _text(what: str, value: object) -> None:
-    if not isinstance(value, str):
-        raise PluginError(f"gave {what} of type {type(value).__name__}, a text was wanted")
-
-
-def _shown(value: object) -> str:
-    """What it is, in few words: a stranger's ``repr`` may be of any length, or fail."""
-    if value is None or isinstance(value, bool | int | float | str | tuple):
-        return repr(value)[:60]
-    return f"a {type(value).__name__}"
+        raise PluginError(f"gave a scale of {shown(value)}, it must be above 0")

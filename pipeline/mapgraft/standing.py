@@ -8,8 +8,9 @@ from typing import Final
 
 from mapgraft.attempt import Attempts, Grafted, Meeting
 from mapgraft.contracts import Observation, Region, Sample, Verdict
-from mapgraft.errors import MapError, PluginError
+from mapgraft.errors import FailedPluginError, IrreversibleError, MapError, PluginError, ReversalError
 from mapgraft.exchange import Offer
+from mapgraft.guarded_map_type import KIND
 from mapgraft.history import Journal, Moment
 from mapgraft.merge import Merge
 from mapgraft.own_map import OwnMap
@@ -23,18 +24,29 @@ Fetch = Callable[[], bytes]
 LONG: Final = 64  # observations: so often it is found out which of them are still needed
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Grounds:
+    """Who wants a merge out, and why; ``sample`` and ``evidence`` are what the verifier judged by."""
+
+    reason: str
+    by: str
+    sample: Sample | None = None
+    evidence: Mapping[str, float] | None = None
+    by_person: bool = False
+
+
 @dataclass(slots=True)
 class Standing:
     """What one robot has merged, by donor. It asks the plugins of each merge's rule and writes down what they say.
 
-    ``failed`` says why the robot takes no part any more: its map type failed.
+    Whatever reverts raises IrreversibleError when the map type cannot: the robot's part ends with that.
     """
 
     own: OwnMap
     attempts: Attempts
     trail: Trail = field(default_factory=Trail)
     by_donor: dict[str, Merge] = field(default_factory=dict)
-    failed: str = ""
+    _told: set[str] = field(default_factory=set)  # which plugins are not asked again, where that came up
 
     @property
     def reversal(self) -> Reversal:
@@ -62,7 +74,7 @@ class Standing:
 
     def end(self, stamp_ns: int) -> None:
         """The last look at every merge."""
-        for merge in [] if self.failed else list(self.by_donor.values()):
+        for merge in list(self.by_donor.values()):
             if merge.has_news or merge.is_untold:
                 self.verify(merge, stamp_ns, everything=True, tell=True)
 
@@ -75,17 +87,18 @@ class Standing:
         """Put the donor's newer layer in the place of the older one, where it lies best now, and look at it again."""
         if offer.provenance == merge.provenance or self.reversal.name == "single_map":  # which cannot tell the share
             return
-        data = fetch()
+        size = 0
         merge.site = replace(Site.of(offer.metadata, offer.metadata), cell_m=merge.site.cell_m)
         try:
+            size = len(data := fetch())
             meeting = self.attempts.meet(merge.tools, self.own.receive(data))
             move = self._find_move(merge, meeting)
             grafted = self.attempts.graft(merge.tools, meeting, move.match if move else merge.match)
             moved = f"; {move.reason}" if move else ""
-            self._swap(merge, grafted, f"the donor has gone on mapping{moved}", "exchange", stamp_ns, len(data))
+            self._swap(merge, grafted, f"the donor has gone on mapping{moved}", "exchange", stamp_ns, size)
         except MapError as error:
             reason = f"the donor's newer map is left aside: {error}"
-            self.journal.changed("verified", stamp_ns, merge, reason, "exchange", size=len(data))
+            self.journal.changed("verified", stamp_ns, merge, reason, "exchange", size=size)
         except PluginError as error:
             self.complain(error, stamp_ns, merge.donor, merge=merge)
 
@@ -104,8 +117,9 @@ class Standing:
             self.complain(error, stamp_ns, merge.donor, merge=merge)
 
     def _find_move(self, merge: Merge, meeting: Meeting) -> Move | None:
-        if not merge.may_move or not merge.has_grown(meeting):
-            return None
+        with self.own.naming():
+            if not merge.may_move or not merge.has_grown(meeting):
+                return None
         if self.workshop.out_of_order(merge.tools.rule, self.own.map_type.name, meeting.donor_type):
             return None
         return self.attempts.find_move(merge.tools, meeting, merge.match, merge.stood[0], merge.site)
@@ -131,7 +145,8 @@ class Standing:
         A verdict like the last one is only written down at the rhythm of the log, or when somebody wants to ``tell``.
         """
         try:
-            sample = merge.measure(stamp_ns, everything)
+            with self.own.naming():
+                sample = merge.measure(stamp_ns, everything)
             for complaint in merge.complaints:
                 self.complain(complaint, stamp_ns, merge.donor, merge=merge)
             merge.complaints.clear()
@@ -152,7 +167,7 @@ class Standing:
         """Do as the verifier says."""
         by, tell = merge.tools.procedure.verify.use, merge.tells(verdict, tell)
         if verdict.action == "revert" and not merge.decided_by_person:
-            self.revert(merge, stamp_ns, verdict.reason, by, sample, evidence=verdict.evidence)
+            self.revert(merge, stamp_ns, Grounds(verdict.reason, by, sample, verdict.evidence))
         elif verdict.action == "confirm" and merge.state == "provisional":
             merge.state = "confirmed"
             self.journal.changed("confirmed", stamp_ns, merge, verdict.reason, by, sample, evidence=verdict.evidence)
@@ -167,30 +182,35 @@ class Standing:
             merge.stop_watching()
             self.journal.changed("verified", stamp_ns, merge, f"not verified any more: {error}", "merge")
         else:
-            self.revert(merge, stamp_ns, f"it cannot be verified any more: {error}", "merge", refuse=False)
+            self.revert(merge, stamp_ns, Grounds(f"it cannot be verified any more: {error}", "merge"), refuse=False)
 
-    def revert(
-        self,
-        merge: Merge,
-        stamp_ns: int,
-        reason: str,
-        by: str,
-        sample: Sample | None = None,
-        by_person: bool = False,
-        evidence: Mapping[str, float] | None = None,
-        refuse: bool = True,
-    ) -> None:
+    def revert(self, merge: Merge, stamp_ns: int, grounds: Grounds, refuse: bool = True) -> None:
         """Take the donor's data out of the map again, and refuse its places from now on, if not told otherwise."""
         self.show("before revert", stamp_ns, merge.merge_id)
-        exactness = self.reversal.revert(merge.merge_id)
+        try:
+            with self.own.asking():
+                exactness = self.reversal.revert(merge.merge_id)
+        except (PluginError, MapError) as error:
+            raise self._irreversible(merge, stamp_ns, grounds, error) from error
         del self.by_donor[merge.donor]
         self._fused_changed()
         merge.state = "reverted"
         if refuse:
-            refusal = Refusal(merge.merge_id, tuple(merge.stood), merge.match.score, by_person)
+            refusal = Refusal(merge.merge_id, tuple(merge.stood), merge.match.score, grounds.by_person)
             self.attempts.refusals.add(merge.donor, refusal)
-        self.journal.changed("reverted", stamp_ns, merge, reason, by, sample, exactness, evidence=evidence)
+        told = (grounds.reason, grounds.by, grounds.sample)
+        self.journal.changed("reverted", stamp_ns, merge, *told, exactness, evidence=grounds.evidence)
         self.show("after revert", stamp_ns, merge.merge_id)
+
+    def _irreversible(
+        self, merge: Merge, stamp_ns: int, grounds: Grounds, error: PluginError | MapError
+    ) -> IrreversibleError:
+        """Write down that a merge stands which was to be taken out."""
+        said = f"{error}; {merge.merge_id}, which was to be reverted ({grounds.reason}), stands"
+        method = error.method if isinstance(error, FailedPluginError) else ""
+        failure = FailedPluginError(said, (KIND, self.own.map_type.name), method or "reset")
+        self.complain(failure, stamp_ns, merge.donor, merge=merge)
+        return IrreversibleError(said)
 
     def _fused_changed(self) -> None:
         """Something came in or went out: where metrics see the merged map, what they know of it no longer holds."""
@@ -200,15 +220,23 @@ class Standing:
                 merge.target_changed()
 
     def complain(
-        self, error: PluginError | MapError, stamp_ns: int, donor: str, rule: str = "", merge: Merge | None = None
+        self,
+        error: PluginError | MapError | ReversalError,
+        stamp_ns: int,
+        donor: str,
+        rule: str = "",
+        merge: Merge | None = None,
     ) -> None:
-        """Write down that a plugin failed, and remember it."""
+        """Write down that a plugin failed, and remember it; that one is not asked again is told once."""
         if isinstance(error, PluginError):
             self.workshop.guard.note(error)
+        if (said := str(error)) in self.workshop.guard.set_aside.values():
+            if said in self._told:
+                return
+            self._told.add(said)
         self.journal.failed(stamp_ns, donor, error, rule, merge)
 
     def show(self, why: Moment, stamp_ns: int, merge_id: str = "", entering: tuple[Merge, ...] = ()) -> None:
         """Take a snapshot of the robot's maps; a map type that cannot show them is complained of."""
-        error = self.own.show(why, stamp_ns, merge_id, (*self.by_donor.values(), *entering))
-        if error is not None and not self.failed:
+        for error in self.own.show(why, stamp_ns, merge_id, (*self.by_donor.values(), *entering)):
             self.complain(error, stamp_ns, "")

@@ -95,6 +95,8 @@ def _layer(header: Any, body: _Numbers) -> CloudLayer:
         raise ValueError(f"voxels of {voxel_m} m")
     if header["mapper"] not in _MAPPERS or min(int(header["observations"]), int(header["dropped"])) < 0:
         raise ValueError(f"the mapper {header['mapper']!r} after {header['observations']} observations")
+    if not header["pools"]:
+        raise ValueError("no pools")
     models = [SensorModel(int(l_hit), int(l_miss)) for l_hit, l_miss, _ in header["pools"]]
     pools = [_pool(int(blocks), body) for _, _, blocks in header["pools"]]
     body.end()

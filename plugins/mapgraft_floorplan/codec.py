@@ -43,7 +43,7 @@ def decode(data: bytes) -> PlanLayer:
         own, baked = (int(n) for n in header["walls"])
         observations, known = int(header["observations"]), bool(header["scale_known"])
         sensors = frozenset(map(str, header["sensors"]))
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         raise MapError(f"this is no floor plan, found {line[:60]!r}") from None
     if min(own, baked, observations) < 0 or own > MOST_SEGMENTS or len(body) != _BYTES * (own + baked):
         raise MapError(f"a floor plan of {own} + {baked} walls is cut off or damaged: found {len(body)} bytes of walls")

@@ -21,18 +21,25 @@ def read(
     unknown_gray: int | None = None,
     negate: bool = False,
     warn: Callable[[str], None] | None = None,
+    most_cells: int = image_map.LARGEST,
 ) -> Plan:
     """The plan in an image: dark pixels are walls. Or the one that a YAML file of map_server describes.
 
     ``resolution_m`` is the side of a pixel; where nobody tells it the scale is unknown. The other options are those of
-    the format ``image``. Raises ConfigError when an option is impossible, MapError when the file cannot be used or
-    nothing in it is dark.
+    the format ``image``, and so is ``most_cells``. Raises ConfigError when an option is impossible, MapError when the
+    file cannot be used or nothing in it is dark.
     """
     path = Path(path)
     if path.suffix.lower() in _DESCRIBED:
-        return plan_of_grid(map_server.read(path, unknown_gray=unknown_gray, warn=warn), f"the plan {path.name}")
+        described = map_server.read(path, unknown_gray=unknown_gray, warn=warn, most_cells=most_cells)
+        return plan_of_grid(described, f"the plan {path.name}")
     known = resolution_m is not None
     image = image_map.read(
-        path, resolution_m=resolution_m if known else 1.0, origin=origin, unknown_gray=unknown_gray, negate=negate
+        path,
+        resolution_m=resolution_m if known else 1.0,
+        origin=origin,
+        unknown_gray=unknown_gray,
+        negate=negate,
+        most_cells=most_cells,
     )
     return plan_of_grid(image, f"the plan {path.name}", scale_known=known)

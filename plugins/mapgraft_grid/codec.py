@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mapgraft_grid.kernels.sketch import HIT, STEPS_PER_CELL
 from mapgraft_grid.kernels.tile_keys import KEY_BITS, TILE, tile_x, tile_y
 from mapgraft_grid.layer import FROM_SCANS, READY_MADE, GridLayer
-from mapgraft_grid.parameters import CELL_LIMIT, Lattice, SensorModel, TraceLimits
+from mapgraft_grid.parameters import CELL_LIMIT, COARSEST_M, FINEST_M, Lattice, SensorModel, TraceLimits
 from mapgraft_grid.tiles import Cell
 from mapgraft_grid.traces import Pose
 from mapgraft_standard.frames import Frame
@@ -109,7 +109,7 @@ class _Reader:
         resolution, ax, ay, l_hit, l_miss, rays, poses, *steps, observations, mapper, has_pose, names = self._take(
             _HEAD
         )
-        if not (0 < resolution < math.inf and 0 <= ax < resolution and 0 <= ay < resolution):
+        if not (FINEST_M <= resolution <= COARSEST_M and 0 <= ax < resolution and 0 <= ay < resolution):
             raise ValueError(f"resolution {resolution} m, anchor {ax}, {ay} m")
         if rays > _MOST_TRACES or poses > _MOST_TRACES or not all(map(math.isfinite, steps)) or not l_hit > 0 > l_miss:
             raise ValueError("impossible parameters")

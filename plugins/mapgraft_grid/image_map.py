@@ -26,6 +26,7 @@ def read(
     unknown_gray: int | None = None,
     negate: bool = False,
     warn: Warn | None = None,
+    most_cells: int = LARGEST,
 ) -> GridMessage:
     """The map in an image: dark is occupied, light is free, what lies between (205, say) or is transparent is unknown.
 
@@ -33,13 +34,14 @@ def read(
     lower-left corner in the map frame. Grays are read as map_server does in its mode ``trinary``, with occupied above
     0.65 and free below 0.196; ``negate`` turns dark and light around, and ``unknown_gray`` is the gray, as in the
     image, that means unknown whatever the thresholds say. ``warn`` is called with a sentence when hardly anything is
-    free. Raises ConfigError when an option is missing or impossible, MapError when the image cannot be used.
+    free; an image of more than ``most_cells`` is not looked at. Raises ConfigError when an option is missing or
+    impossible, MapError when the image cannot be used.
     """
     path = Path(path)
     side_m, pose = _resolution(path, resolution_m), _origin(path, origin)
     if unknown_gray is not None and (isinstance(unknown_gray, bool) or unknown_gray not in range(256)):
         raise ConfigError(f"unknown_gray must be a whole number in 0 … 255, found {unknown_gray!r}")
-    gray = read_gray(path, LARGEST)
+    gray = read_gray(path, min(most_cells, LARGEST))
     if gray.coloured > _MOST_COLOURED:
         raise MapError(
             f"the image {path.name} is in colour ({100 * gray.coloured:.0f} % of its pixels): a map must be in grays, "
@@ -57,8 +59,9 @@ def read(
 
 def _cells(gray: Gray, negate: bool, unknown_gray: int | None) -> Cells:
     """The cells in the image's order."""
-    shade = gray.levels / 255.0
-    occupancy = shade if negate else 1.0 - shade
+    occupancy = gray.levels / 255.0
+    if not negate:
+        np.subtract(1.0, occupancy, out=occupancy)
     cells = np.full(gray.raw.shape, -1, np.int8)
     cells[occupancy > OCCUPIED_THRESH] = 100
     cells[occupancy < FREE_THRESH] = 0

@@ -35,10 +35,12 @@ def read_gray(path: Path, most_pixels: int, *, asked_by: str = "") -> Gray:
 
     Raises MapError when it is missing, no image, or has more than ``most_pixels``.
     """
+    named = f", which {asked_by} names," if asked_by else ""
     try:
+        if path.exists() and not path.is_file():  # a pipe would be waited for
+            raise MapError(f"the map image {path}{named} is not a file")
         data = path.read_bytes()
     except OSError as fault:
-        named = f", which {asked_by} names," if asked_by else ""
         raise MapError(f"the map image {path}{named} cannot be read: {fault.strerror}") from fault
     if data[:2] in (b"P2", b"P5"):
         levels = _pgm(path.name, data, most_pixels)
@@ -110,4 +112,7 @@ def _decoded(name: str, data: bytes, most_pixels: int) -> Gray:
 
 def _require_size(name: str, width: int, height: int, most_pixels: int) -> None:
     if width < 1 or height < 1 or width * height > most_pixels:
-        raise MapError(f"the map image {name} has {width} × {height} pixels, from 1 to {most_pixels} can be read")
+        raise MapError(
+            f"the map image {name} has {width} × {height} pixels, from 1 to {most_pixels:,} can be read "
+            "(limits.grid_cells)"
+        )

@@ -22,6 +22,7 @@ FREE_THRESH: Final = 0.196  # below (255 - 205) / 255, so that the gray of unkno
 OCCUPIED_THRESH: Final = 0.65
 UNKNOWN_GRAY: Final = 205  # what map_saver writes for unknown cells
 _LARGEST_YAML: Final = 1 << 20  # bytes
+_PIXELS_AT_ONCE: Final = 1_000_000
 _DEEPEST: Final = 8  # levels of a description
 _MOST_EVENTS: Final = 1000  # words, numbers and brackets of a description
 
@@ -39,18 +40,21 @@ class _Settings(NamedTuple):
     mode: Literal["trinary", "scale", "raw"]
 
 
-def read(path: str | Path, *, unknown_gray: int | None = None, warn: Warn | None = None) -> GridMessage:
+def read(
+    path: str | Path, *, unknown_gray: int | None = None, warn: Warn | None = None, most_cells: int = LARGEST_DENSE
+) -> GridMessage:
     """The map that a map_server ``yaml`` file describes.
 
     ``unknown_gray`` is the gray, as in the image, that means unknown whatever the file's thresholds say. ``warn`` is
-    called with one sentence for each thing that is probably not meant. The image must lie in the yaml's folder.
+    called with one sentence for each thing that is probably not meant. The image must lie in the yaml's folder, and is
+    not looked at when it has more than ``most_cells``.
     Raises MapError when a file is missing, unreadable or impossible, ConfigError when ``unknown_gray`` is.
     """
     path = Path(path)
     settings = _settings(path)
     if unknown_gray is not None and not 0 <= unknown_gray <= 255:
         raise ConfigError(f"unknown_gray must lie in 0 … 255, found {unknown_gray}")
-    gray = read_gray(_image_path(path, settings.image), LARGEST_DENSE, asked_by=path.name)
+    gray = read_gray(_image_path(path, settings.image), min(most_cells, LARGEST_DENSE), asked_by=path.name)
     cells = _cells(gray, settings)
     lost = cells[gray.raw == UNKNOWN_GRAY]
     if unknown_gray is not None:
@@ -83,16 +87,25 @@ def files(grid: DenseGrid, stem: str) -> Mapping[str, bytes]:
 
 
 def _cells(gray: Gray, settings: _Settings) -> Cells:
-    """The cells in the image's order, as map_server reads them."""
+    """The cells in the image's order, as map_server reads them, some rows at a time: each takes 50 bytes on the way."""
+    out = np.empty(gray.levels.shape, np.int8)
+    rows = max(1, _PIXELS_AT_ONCE // gray.levels.shape[1])
+    for top in range(0, len(out), rows):
+        part = slice(top, top + rows)
+        out[part] = _cells_of(gray.levels[part], gray.opaque[part], settings)
+    return out
+
+
+def _cells_of(levels: NDArray[np.float64], opaque: NDArray[np.bool_], settings: _Settings) -> Cells:
     if settings.mode == "raw":
-        return np.where(gray.levels <= 100, np.round(gray.levels), -1).astype(np.int8)
-    shade = gray.levels / 255.0
+        return np.where(levels <= 100, np.round(levels), -1).astype(np.int8)
+    shade = levels / 255.0
     occupancy = shade if settings.negate else 1.0 - shade
     if settings.mode == "trinary" or settings.occupied <= settings.free:
-        between = np.full(gray.levels.shape, -1.0)
+        between = np.full(levels.shape, -1.0)
     else:
         between = 1.0 + 98.0 * (occupancy - settings.free) / (settings.occupied - settings.free)
-        between[~gray.opaque] = -1.0
+        between[~opaque] = -1.0
     out = np.where(occupancy > settings.occupied, 100.0, np.where(occupancy < settings.free, 0.0, np.floor(between)))
     return out.astype(np.int8)
 
@@ -103,7 +116,9 @@ def _settings(path: Path) -> _Settings:
             raise MapError(f"{path.name} is too large for a map description ({path.stat().st_size} bytes)")
         data = path.read_bytes()
         _require_flat(path.name, data)
-        found = YAML(typ="safe", pure=True).load(data)
+        reader = YAML(typ="safe", pure=True)
+        reader.composer.warn_double_anchors = False  # YAML allows it: the last one counts
+        found = reader.load(data)
     except OSError as fault:
         raise MapError(f"the map {path} cannot be read: {fault.strerror}") from fault
     except (YAMLError, ValueError) as fault:

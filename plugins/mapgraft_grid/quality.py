@@ -5,20 +5,27 @@ from __future__ import annotations
 import functools
 import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapgraft.contracts import MapError
 from mapgraft_grid.grid_map import OCCUPIED, DenseGrid
-from mapgraft_grid.quality_features import FEATURES, feature_shares
+from mapgraft_grid.quality_features import FEATURES, SPECKLE_CELLS, feature_shares, reach_cells
 
 STRIDE_M: Final = 1.0  # a window is two strides wide, so that windows overlap by half
 WALL_MIN_M: Final = 1.0  # with less wall than this a window cannot be judged
+MOST_WINDOWS: Final = 4_000_000
+PIECE_CELLS: Final = 4_000_000  # looked at in one piece; larger grids in squares of SIDE_CELLS
+SIDE_CELLS: Final = 1024
 MODEL_FILE: Final = Path(__file__).parent / "quality_model.json"
+
+_WALL: Final = "wall"
 
 Windows = NDArray[np.float64]  # (rows, columns) one value per window
 
@@ -47,6 +54,15 @@ def shipped_model() -> QualityModel:
     return QualityModel.load()
 
 
+class Piece(NamedTuple):
+    """A part of a grid's array, and the block that it begins in."""
+
+    rows: slice
+    columns: slice
+    row: int
+    column: int
+
+
 @dataclass(frozen=True, slots=True)
 class WindowLayout:
     """Windows 2 m wide and 1 m apart, on blocks of ``block_cells`` cells of a grid's lattice.
@@ -67,16 +83,45 @@ class WindowLayout:
         first = (x // block - 1, y // block - 1)
         return cls(block, first, (x - first[0] * block, y - first[1] * block))
 
+    def shape(self, height: int, width: int) -> tuple[int, int]:
+        """How many rows and columns of blocks a grid of that size takes, and one more of each."""
+        x, y = self.offset
+        return -(-(height + y) // self.block_cells) + 1, -(-(width + x) // self.block_cells) + 1
+
     def sums(self, cells: NDArray[np.generic]) -> Windows:
         """The sums of cells (h, w) over all windows."""
-        block = self.block_cells
-        height, width = cells.shape
-        rows, columns = -(-(height + self.offset[1]) // block) + 1, -(-(width + self.offset[0]) // block) + 1
+        (height, width), blocks = cells.shape, np.zeros(self.shape(*cells.shape))
+        for piece in self.pieces(height, width):
+            self.add(blocks, cells[piece.rows, piece.columns], piece)
+        return of_windows(blocks)
+
+    def pieces(self, height: int, width: int) -> Iterator[Piece]:
+        """The grid in pieces of whole blocks, one where it is small: what is asked of cells takes much memory."""
+        x, y = self.offset
+        whole = max(height + y, width + x)
+        side = whole if height * width <= PIECE_CELLS else self.block_cells * max(SIDE_CELLS // self.block_cells, 1)
+        for top in range(0, height + y, side):
+            for left in range(0, width + x, side):
+                rows, columns = _clipped(top, side, y, height), _clipped(left, side, x, width)
+                if rows.start < rows.stop and columns.start < columns.stop:
+                    yield Piece(rows, columns, top // self.block_cells, left // self.block_cells)
+
+    def add(self, blocks: Windows, cells: NDArray[np.generic], piece: Piece) -> None:
+        """Put the sums of a piece's cells where its blocks are."""
+        block, (height, width) = self.block_cells, cells.shape
+        above = piece.rows.start + self.offset[1] - block * piece.row
+        before = piece.columns.start + self.offset[0] - block * piece.column
+        rows, columns = -(-(height + above) // block), -(-(width + before) // block)
         padded = np.zeros((rows * block, columns * block))
-        padded[self.offset[1] : self.offset[1] + height, self.offset[0] : self.offset[0] + width] = cells
-        blocks = padded.reshape(rows, block, columns, block).sum(axis=(1, 3))
-        out: Windows = blocks[:-1, :-1] + blocks[1:, :-1] + blocks[:-1, 1:] + blocks[1:, 1:]
-        return out
+        padded[above : above + height, before : before + width] = cells
+        sums = padded.reshape(rows, block, columns, block).sum(axis=(1, 3))
+        blocks[piece.row : piece.row + rows, piece.column : piece.column + columns] = sums
+
+
+def of_windows(blocks: Windows) -> Windows:
+    """The sums over windows, each of two by two blocks."""
+    out: Windows = blocks[:-1, :-1] + blocks[1:, :-1] + blocks[:-1, 1:] + blocks[1:, 1:]
+    return out
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,12 +160,36 @@ def window_quality(
 def window_features(
     grid: DenseGrid, layout: WindowLayout, measured_m: float | None = None
 ) -> tuple[dict[str, Windows], Windows]:
-    """The features (``FEATURES``) of every window, and its metres of wall."""
-    shares = feature_shares(grid).items()
-    features = {name: _ratio(layout.sums(over), layout.sums(under)) for name, (over, under) in shares}
-    wall_m = layout.sums(grid.classes == OCCUPIED) * grid.resolution_m
+    """The features (``FEATURES``) of every window, and its metres of wall; MapError when there are too many windows."""
+    height, width = grid.classes.shape
+    rows, columns = layout.shape(height, width)
+    if rows * columns > MOST_WINDOWS:
+        raise MapError(f"a grid of {width} × {height} cells of {grid.resolution_m:g} m is too wide to be judged")
+    blocks = defaultdict[tuple[str, int], Windows](lambda: np.zeros((rows, columns)))
+    for piece in layout.pieces(height, width):
+        for name, share in _shares(grid, piece).items():
+            for part, cells in enumerate(share):
+                layout.add(blocks[name, part], cells, piece)
+    sums = {key: of_windows(found) for key, found in blocks.items()}
+    features = {name: _ratio(sums[name, 0], sums[name, 1]) for name in FEATURES if name != "resolution_m"}
+    wall_m = sums[_WALL, 0] * grid.resolution_m
     features["resolution_m"] = np.full_like(wall_m, max(measured_m or 0.0, grid.resolution_m))
     return features, wall_m
+
+
+def _shares(grid: DenseGrid, piece: Piece) -> dict[str, tuple[NDArray[np.generic], ...]]:
+    """What is summed of a piece's cells: the features', seen with the cells around the piece, and the occupied ones."""
+    reach = max(reach_cells(grid.resolution_m), SPECKLE_CELLS)
+    top, left = max(piece.rows.start - reach, 0), max(piece.columns.start - reach, 0)
+    around = slice(top, piece.rows.stop + reach), slice(left, piece.columns.stop + reach)
+    seen = replace(grid, classes=grid.classes[around], log_odds=grid.log_odds[around])
+    inner = tuple(slice(part.start - at, part.stop - at) for part, at in ((piece.rows, top), (piece.columns, left)))
+    found = {name: tuple(cells[inner] for cells in share) for name, share in feature_shares(seen).items()}
+    return {**found, _WALL: (seen.classes[inner] == OCCUPIED,)}
+
+
+def _clipped(start: int, side: int, offset: int, size: int) -> slice:
+    return slice(max(start - offset, 0), min(start + side - offset, size))
 
 
 def _ratio(over: Windows, under: Windows) -> Windows:

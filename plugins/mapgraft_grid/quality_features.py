@@ -32,7 +32,7 @@ def feature_shares(grid: DenseGrid) -> dict[str, Share]:
     """
     occupied = (grid.classes == OCCUPIED).astype(np.uint8)
     wall = occupied.astype(np.float32)
-    reach = max(1, round(NEAR_M / grid.resolution_m))
+    reach = reach_cells(grid.resolution_m)
     square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     near_wall = (cv2.dilate(occupied, square) > 0) & (grid.log_odds != 0)
     undecided = near_wall & (abs(grid.log_odds) < UNDECIDED)
@@ -46,6 +46,11 @@ def feature_shares(grid: DenseGrid) -> dict[str, Share]:
         "speckle": (_speckle(occupied), wall),
         "certainty": (nats * wall, wall),
     }
+
+
+def reach_cells(resolution_m: float) -> int:
+    """How many cells around a wall cell are looked at."""
+    return max(1, round(NEAR_M / resolution_m))
 
 
 def _spread_cells(wall: NDArray[np.float32], reach: int) -> NDArray[np.float32]:

@@ -9,12 +9,12 @@ have equal bytes.
 from __future__ import annotations
 
 import json
-import math
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapgraft.contracts import ConfigError
 from mapgraft_lines.kernels.keys import INDEX_BITS, SLOT_BITS, SLOTS
 from mapgraft_lines.layer import (
     CONVERTED,
@@ -27,6 +27,7 @@ from mapgraft_lines.layer import (
     LineLayer,
     W,
 )
+from mapgraft_lines.parameters import cell
 from mapgraft_lines.table import Counts, Table
 from mapgraft_standard.frames import Frame
 
@@ -58,7 +59,7 @@ def decode(data: bytes) -> LineLayer:
     line, newline, body = bytes(_FRAME.unpacked(data)).partition(b"\n")
     try:
         layer = _layer(json.loads(line), body)
-    except (ValueError, KeyError, TypeError, RecursionError) as fault:
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError, ConfigError) as fault:
         raise _FRAME.damaged(fault) from fault
     if not newline or encode(layer) != data:
         raise _FRAME.damaged("its parts are not as written")
@@ -66,8 +67,8 @@ def decode(data: bytes) -> LineLayer:
 
 
 def _layer(header: Any, body: bytes) -> LineLayer:
-    cell_m, rows = float(header["cell_m"]), [int(count) for count in header["rows"]]
-    if not (0.0 < cell_m < math.inf) or len(rows) != len(_COLUMNS) or min(rows) < 0:
+    cell_m, rows = cell(float(header["cell_m"])), [int(count) for count in header["rows"]]
+    if len(rows) != len(_COLUMNS) or min(rows) < 0:
         raise ValueError(f"cells of {cell_m} m, tables of {rows} rows")
     if _ITEM * sum(n * (1 + columns) for n, columns in zip(rows, _COLUMNS, strict=True)) != len(body):
         raise ValueError(f"tables of {rows} rows in {len(body)} bytes")

@@ -63,6 +63,20 @@ def test_run_tells_the_demos_story(demo_out, capsys):
     assert "merges standing" in out
 
 
+def test_plugins_that_failed_are_told_of_at_the_end(tmp_path, monkeypatch, capsys):
+    def broken(*_):
+        raise IndexError("boom")
+
+    monkeypatch.setattr("mapgraft_grid.correlation.Correlation.match", broken)
+    code, out, _ = said(capsys, "run", "-q", "--end", "40", "--no-report", "-o", str(tmp_path / "out"))
+    told = " ".join(out.split())
+    assert code == 0
+    assert "the matcher 'correlation' failed: IndexError: boom (3 times, the first at 30.0 s, alpha ← bravo)" in told
+    assert "the matcher 'correlation' failed 3 times (limits.failures) and is not asked again" in told
+    remarks = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["remarks"]
+    assert any("IndexError: boom (3 times" in sentence for sentence in remarks)
+
+
 def test_run_as_json(tmp_path, capsys):
     code, out, _ = said(capsys, "run", "--json", "-o", str(tmp_path / "out"), "--end", "60")
     document = json.loads(out)
@@ -125,6 +139,10 @@ def test_verdicts_on_what_is_not_there(demo_out, tmp_path, capsys):
     assert wrong(capsys, "revert", str(tmp_path), "a.b.1") == (
         2, f"mapgraft: {tmp_path} is not the folder of a finished run: it has no readable mission.json\n"
     )  # fmt: skip
+    (tmp_path / "mission.json.partial").touch()
+    code, err = wrong(capsys, "revert", str(tmp_path), "a.b.1")
+    assert code == 2
+    assert "is not finished (mission.json.partial is there): wait for it, or run it again" in err
     code, text = wrong(capsys, "revert", str(demo_out), "a.b.1")
     assert code == 2
     assert "has no merge 'a.b.1': it made alpha." in text
@@ -298,7 +316,7 @@ def test_whoever_ends_a_run_is_told_so_and_what_was_decided_stays(tmp_path, numb
         process.send_signal(number)  # saying it twice makes it no faster
     _, err = process.communicate(timeout=60)
     assert process.returncode == 128 + number
-    assert err == f"mapgraft: {said}; what was decided before is on disk\n"
+    assert err == f"mapgraft: {said}; what was decided before, if anything, is on disk\n"
     assert not list(out.glob("*.merge.mcap"))
     (partial,) = out.glob("*.merge.mcap.partial")
     assert partial.read_bytes().endswith(b"\x89MCAP0\r\n"), "it was closed"

@@ -154,6 +154,7 @@ def test_only_canonical_bytes_are_a_layer(drives: tuple[CloudLayer, CloudLayer])
         repacked(data, header(lambda told: told.update(observations=-1))),
         repacked(data, header(lambda told: told.update(more=1))),
         repacked(data, header(lambda told: told.update(pools=[]))),
+        repacked(data, lambda body: header(lambda told: told.update(pools=[]))(body[: body.index(b"\n") + 1])),
         repacked(data, header(lambda told: told.update(floors=[[0, 0, 1 << 40, 1]]))),
         repacked(data, lambda body: body + b"\0"),
         repacked(data, lambda body: body[:-4] + struct.pack("<I", (1 << 32) - 1)),  # a position outside its voxel

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 import mapgraft
-from mapgraft.cli import app
+from mapgraft.commands.app import app
 from mapgraft.contracts import ConfigError, RecordingError, Transform
 from mapgraft.decision import build_table, facts_of
 from mapgraft.plugins import load_plugins

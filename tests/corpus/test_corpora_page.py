@@ -10,7 +10,7 @@ from typing import Any
 import duckdb
 import pytest
 
-from mapgraft.cli import corpus
+from mapgraft.commands.app import corpus
 from mapgraft.corpus import read_plan
 from mapgraft.corpus.dataset import PART, TABLES
 from mapgraft.corpus.stores import UNFINISHED

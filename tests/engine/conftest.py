@@ -8,9 +8,13 @@ from collections.abc import Callable
 import beacons as beacon_plugin
 import pytest
 
+from mapgraft.config import LimitsConfig
 from mapgraft.contracts import Meeting, Observation, Situation, Transform
 from mapgraft.decision import build_table
+from mapgraft.guard import Guard
+from mapgraft.guarded_map_type import GuardedMapType
 from mapgraft.history import History, Journal
+from mapgraft.job import Fan
 from mapgraft.outputs.memory_sink import MemorySink
 from mapgraft.persons import Hand
 from mapgraft.plugins import GROUP, Origin, Plugins, load_plugin, load_plugins
@@ -54,20 +58,33 @@ def hear() -> Hear:
 
 @pytest.fixture
 def play(plugins, hear):
-    """Replays tuples (second, robot, places…) and gives back the memory and the robots."""
+    """Replays tuples (second, robot, places…), with plugins in their time, and gives back the memory and the robots."""
 
-    def run(*observations, meet=(), reversal="ledger", hand=None, rules=None, spacing_m=1.0):
+    def run(
+        *observations,
+        meet=(),
+        reversal="ledger",
+        hand=None,
+        rules=None,
+        spacing_m=1.0,
+        limits=None,
+        guard=None,
+        sinks=(),
+    ):
         memory = MemorySink()
-        history, workshop, table = History(memory), Workshop(plugins), build_table(plugins, rules)
-        robots = {}
-        for name in sorted({robot for _, robot, *_ in observations}):
-            map_type = beacon_plugin.Beacons(spacing_m=spacing_m)
-            kept = new_reversal(reversal, map_type)
-            journal = Journal(history, name, map_type, kept)
-            robots[name] = Robot(name, map_type, kept, table, workshop, hand or Hand(), journal)
+        workshop = Workshop(plugins, guard=guard or Guard(limits or LimitsConfig()))
+        fan = Fan([memory, *sinks])
+        history, table = History(fan), build_table(plugins, rules)
         stream = [hear(robot, *at, stamp_ns=second * SECOND) for second, robot, *at in observations]
-        exchange = Exchange(At(*meet), robots)
-        assert replay(stream, robots, exchange, memory) == len(stream)
+        with workshop.guard.armed():
+            robots = {}
+            for name in sorted({robot for _, robot, *_ in observations}):
+                map_type = GuardedMapType(beacon_plugin.Beacons(spacing_m=spacing_m), workshop.guard)
+                kept = new_reversal(reversal, map_type)
+                journal = Journal(history, name, map_type, kept)
+                robots[name] = Robot(name, map_type, kept, table, workshop, hand or Hand(), journal)
+            exchange = Exchange(At(*meet), robots)
+            assert replay(stream, robots, exchange, fan) == len(stream)
         return memory, robots, exchange
 
     return run

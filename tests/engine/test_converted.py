@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+
 import beacons
 import pytest
 import taps
@@ -20,6 +22,7 @@ from mapgraft.replay import Exchange
 from mapgraft.reversal import new_reversal
 from mapgraft.rhythm import SPARING, Rhythm
 from mapgraft.robot import Robot
+from mapgraft.standing import Grounds
 
 SECOND = 1_000_000_000
 NAMES = ("alpha", "bravo", "charlie")
@@ -133,7 +136,7 @@ def test_what_comes_in_or_goes_out_changes_no_own_map(meet) -> None:
     _, alpha = meet(every=1)
     alpha.observe(heard("alpha", 2))
     assert len(taps.ToBeacons.converted) == 1
-    alpha.standing.revert(alpha.merges["bravo"], SECOND, "a person said so", "person", by_person=True)
+    alpha.standing.revert(alpha.merges["bravo"], SECOND, Grounds("a person said so", "person", by_person=True))
     alpha.finish(SECOND)
     assert len(taps.ToBeacons.converted) == 1
 
@@ -142,7 +145,7 @@ def test_where_the_merged_map_is_compared_a_revert_changes_it(meet) -> None:
     _, alpha = meet("single_map", every=1)
     alpha.observe(heard("alpha", 2))
     before = len(taps.ToBeacons.converted)
-    alpha.standing.revert(alpha.merges["bravo"], SECOND, "a person said so", "person", by_person=True)
+    alpha.standing.revert(alpha.merges["bravo"], SECOND, Grounds("a person said so", "person", by_person=True))
     alpha.standing.verify(alpha.merges["charlie"], SECOND, everything=True)
     assert len(taps.ToBeacons.converted) == before + 1
 
@@ -157,22 +160,50 @@ def test_what_the_fuser_gets_is_converted_only_when_it_is_fused(meet, at: tuple[
     assert len(taps.FromBeacons.converted) == made
 
 
-def test_a_conversion_that_fails_too_often_is_not_asked_again(meet, monkeypatch) -> None:
-    asked = []
+@pytest.fixture
+def failing(monkeypatch) -> Callable[[], list[int]]:
+    """From the call on the conversion fails; what it gives counts how often it was asked."""
 
-    def fail(*_: object) -> None:
-        asked.append(1)
-        raise OSError("no dictionary")
+    def begin() -> list[int]:
+        asked: list[int] = []
 
-    monkeypatch.setattr(taps.ToBeacons, "convert", fail)
-    history, alpha = meet()
+        def fail(*_: object) -> None:
+            asked.append(1)
+            raise OSError("no dictionary")
+
+        monkeypatch.setattr(taps.ToBeacons, "convert", fail)
+        return asked
+
+    return begin
+
+
+def offer_more(receiver: Robot, versions: Iterable[int]) -> None:
+    """Newer maps of bravo's, one after the other."""
     kind = taps.Taps()
-    for version in range(4, 9):
+    for version in versions:
         layer = kind.new_layer()
         kind.integrate(layer, heard("bravo", version))
         told = Provenance("bravo", 1, version)
         sent = LayerMessage(told, kind.name, kind.encode(layer)).encode()
-        alpha.consider(Offer(told, kind.metadata(layer)).encode(), lambda sent=sent: sent, version * SECOND)
+        receiver.consider(Offer(told, kind.metadata(layer)).encode(), lambda sent=sent: sent, version * SECOND)
+
+
+def test_that_a_standing_merges_conversion_is_not_asked_again_is_told_once(meet, failing) -> None:
+    history, alpha = meet()
+    asked, before = failing(), len(history.events)
+    offer_more(alpha, range(4, 14))
+    times = LimitsConfig().failures
+    assert len(asked) == times
+    said = [event.reason for event in history.events[before:] if event.kind == "failed"]
+    assert len(said) == times + 1
+    assert "'taps_to_beacons' failed 3 times (limits.failures) and is not asked again" in said[-1]
+    assert alpha.merges["bravo"].provenance.version < 4  # the merge stands as it was
+
+
+def test_a_conversion_that_fails_too_often_is_not_asked_again(meet, failing) -> None:
+    asked = failing()
+    history, alpha = meet()
+    offer_more(alpha, range(4, 9))
     failed = [event for event in history.events if event.kind == "failed"]
     assert len(asked) == len(failed) == LimitsConfig().failures
     assert {event.by for event in failed} == {"conversion taps_to_beacons"}

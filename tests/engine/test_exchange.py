@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+import struct
 
 import numpy as np
 import pytest
@@ -40,6 +42,43 @@ def test_noise_is_neither_an_offer_nor_a_layer(data):
         Offer.decode(data)
     with pytest.raises(MapError, match="a layer message of"):
         LayerMessage.decode(data)
+
+
+def _offer(**changed: object) -> bytes:
+    sound = json.loads(Offer(Provenance("a", 1, 2), MapMetadata("grid", 0.05, extra={"x": 1.0})).encode())
+    metadata = {**sound["metadata"], **{k: v for k, v in changed.items() if k in sound["metadata"]}}
+    return json.dumps({**sound, "metadata": metadata, **{k: v for k, v in changed.items() if k in sound}}).encode()
+
+
+UNFIT = {
+    "an infinite epoch": _offer(provenance=["a", math.inf, 1]),
+    "too short": _offer(provenance=["a", 1]),
+    "metadata as a word": _offer(metadata="x"),
+    "a type that is no word": _offer(type=[]),
+    "a resolution that is no number": _offer(resolution_m="fine"),
+    "a resolution that is true": _offer(resolution_m=True),
+    "three bounds": _offer(bounds_m=[1, 2, 3]),
+    "a bound that is a word": _offer(bounds_m=[1, 2, 3, "x"]),
+    "nothing to call what it can send": _offer(can_send=[1]),
+    "more than plain values": _offer(extra={"x": [1]}),
+    "lists in lists": b"[" * 3000,
+}
+
+
+@pytest.mark.parametrize("data", UNFIT.values(), ids=UNFIT)
+def test_an_offer_that_nobody_would_write_is_refused(data):
+    with pytest.raises(MapError, match=r"an offer of .* cannot be read"):
+        Offer.decode(data)
+
+
+def test_the_offer_that_these_are_made_of_is_sound():
+    assert Offer.decode(_offer()).metadata.extra == {"x": 1.0}
+
+
+@pytest.mark.parametrize("head", [b'["a", Infinity, 1, "x"]', b'["a", 1]', b"[" * 3000, b'"abcd"x'])
+def test_a_layer_message_whose_head_nobody_would_write_is_refused(head):
+    with pytest.raises(MapError, match=r"a layer message of .* cannot be read"):
+        LayerMessage.decode(b"MGL1" + struct.pack("<I", len(head)) + head)
 
 
 def test_bytes_are_counted_per_pair():

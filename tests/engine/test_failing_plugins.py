@@ -13,8 +13,10 @@ import pytest
 
 from mapgraft.config import LimitsConfig
 from mapgraft.contracts import Contribution, Decision, Finding, Match, Measurement, Provenance, Transform, Verdict
-from mapgraft.errors import FailedPluginError, MapError
+from mapgraft.errors import FailedPluginError, MapError, OutputError
+from mapgraft.failures import failure_sentences
 from mapgraft.guard import Guard
+from mapgraft.outputs.memory_sink import MemorySink
 
 ALIKE = ((0, "alpha", 0, 2, 5), (0, "bravo", 10, 12, 15))
 LATER = (2, "alpha", 5)
@@ -155,7 +157,7 @@ def test_what_the_map_type_cannot_show_does_not_enter(play, monkeypatch, reversa
     monkeypatch.setattr(beacons.Beacons, "view", view)
     monkeypatch.setattr(beacons.Beacons, "absorb", refuse)
     memory, robots, _ = play(*ALIKE, LATER, meet=(1,), reversal=reversal)
-    assert failures(memory) == ["the fuser 'sum' failed: ZeroDivisionError: no such sum"]
+    assert failures(memory) == ["the map type 'beacons' failed: ZeroDivisionError: no such sum"]
     assert dict(robots["alpha"].reversal.fused().counts) == {0: 1, 2: 1, 5: 2}
     assert not robots["alpha"].merges
 
@@ -242,8 +244,45 @@ def test_what_a_map_type_refuses_is_left_out_and_counted(play, monkeypatch):
     assert dict(robots["alpha"].reversal.own().counts) == {1: 1, 2: 1}
     (sentence,) = robots["alpha"].left_out.sentences("alpha")
     assert sentence == (
-        "alpha: 1 observations did not enter the map; the first, at 2.000 s: a beacon at 9 is too far away"
+        "alpha: 1 observation did not enter the map; the first, at 2.000 s: a beacon at 9 is too far away"
     )
+
+
+def test_a_person_is_told_once_per_failure_with_the_number_and_the_first_place(play, monkeypatch):
+    broken(monkeypatch, "Slide", "match", IndexError("boom"))
+    memory, robots, _ = play(*ALIKE, (2, "alpha", 5), (3, "bravo", 12), (4, "alpha", 2), meet=(1, 2.5, 3.5))
+    guard = robots["alpha"].workshop.guard
+    assert failure_sentences(memory.events, guard, 0) == [
+        "the matcher 'slide' failed: IndexError: boom (3 times, the first at 1.0 s, alpha ← bravo)",
+        "the matcher 'slide' failed 3 times (limits.failures) and is not asked again",
+    ]
+    once_more = dataclasses.replace(memory.events[-1], kind="failed", reason=guard.set_aside["matcher", "slide"])
+    assert len(failure_sentences([*memory.events, once_more], guard, 0)) == 2
+    assert failure_sentences([event for event in memory.events if event.kind != "failed"], Guard(), 0) == []
+
+
+def test_a_sink_that_fails_is_not_the_map_types_fault(play, monkeypatch):
+    def full(self, snapshot):
+        raise OutputError("the disk is full")
+
+    monkeypatch.setattr(MemorySink, "mapped", full)
+    with pytest.raises(OutputError, match=r"^the disk is full$"):
+        play(*ALIKE, LATER, meet=(1,))
+
+
+def test_what_a_sink_takes_is_not_the_map_types_time(play, monkeypatch):
+    mapped = MemorySink.mapped
+
+    def slow(self, snapshot):
+        until = time.monotonic() + 4 * SHORT.plugin_s
+        while time.monotonic() < until:
+            pass
+        mapped(self, snapshot)
+
+    monkeypatch.setattr(MemorySink, "mapped", slow)
+    memory, _, _ = play(*ALIKE, LATER, meet=(1,), limits=SHORT)
+    assert not failures(memory)
+    assert [snapshot.why for snapshot in memory.snapshots if snapshot.robot == "alpha"][-1] == "end"
 
 
 def _forever() -> None:
@@ -270,14 +309,25 @@ def test_a_call_that_takes_too_long_is_ended(hang):
             assert sum(range(10)) == 45
 
 
-def test_one_that_took_too_long_is_set_aside_at_once_and_the_outermost_is_to_blame():
+def test_one_that_took_too_long_is_set_aside_at_once_and_the_innermost_is_to_blame():
     guard = Guard(SHORT)
     blamed = pytest.raises(FailedPluginError)
     with guard.armed(), blamed as caught, guard.calling("matcher", "outer"), guard.calling("metric", "inner"):
         _forever()
-    assert caught.value.plugin == ("matcher", "outer")
+    assert caught.value.plugin == ("metric", "inner")
     guard.note(caught.value)
-    assert "took too long" in guard.set_aside["matcher", "outer"]
+    assert "took too long" in guard.set_aside["metric", "inner"]
+    assert guard.refused("metric", "inner")
+    assert not guard.refused("matcher", "outer")
+
+
+def test_whoever_asks_others_without_end_is_to_blame_and_not_they():
+    guard = Guard(SHORT)
+    with guard.armed(), pytest.raises(FailedPluginError) as caught, guard.calling("matcher", "outer"):
+        while True:
+            with guard.calling("metric", "inner"):
+                sum(range(100))
+    assert caught.value.plugin == ("matcher", "outer")
 
 
 def test_without_the_main_thread_there_is_no_limit_but_failures_are_named():

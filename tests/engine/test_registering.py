@@ -17,6 +17,7 @@ from mapgraft.decision import check_rules
 from mapgraft.outputs.tables import transforms_table
 from mapgraft.persons import Hand, same_place
 from mapgraft.registration import Site, displacement, find_move, prior_around
+from mapgraft.standing import Grounds
 
 SECOND = 1_000_000_000
 EXACT = ("ledger", "multi_map")
@@ -119,7 +120,7 @@ def test_the_swapped_map_is_that_of_a_merge_made_there_and_reverting_leaves_no_t
     assert fresh.merges["bravo"].comparison.T_receiver_donor.x_m == -4.5
     if reverts:
         _, alone, _ = play(*ALIKE, *FURTHER, rules=rules(), reversal=reversal)
-        swapped.standing.revert(swapped.merges["bravo"], 9 * SECOND, "", "test")
+        swapped.standing.revert(swapped.merges["bravo"], 9 * SECOND, Grounds("", "test"))
         fresh = alone["alpha"]
     assert swapped.reversal.fused() == fresh.reversal.fused()
     assert swapped.own.encoded_layer() == fresh.own.encoded_layer()
@@ -162,7 +163,7 @@ def test_moves_never_lead_away_from_the_place_that_was_accepted(play):
     assert [e.T_receiver_donor.x_m for e in of_alpha(memory, "merged", "updated")] == [-2.5, -2.25, -2.0]
     merge = robots["alpha"].merges["bravo"]
     assert [T.x_m for T in merge.stood] == [-2.5, -2.25, -2.0]
-    robots["alpha"].standing.revert(merge, 99 * SECOND, "", "test")
+    robots["alpha"].standing.revert(merge, 99 * SECOND, Grounds("", "test"))
     (refusal,) = robots["alpha"].attempts.refusals.by_donor["bravo"]
     assert refusal.stood == tuple(merge.stood)
 

@@ -13,7 +13,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from mapgraft.cli import app
+from mapgraft.commands.app import app
 from mapgraft.errors import OutputError, UsageError
 from mapgraft.experiments.andersone2021.outcome import Cost
 from mapgraft.experiments.andersone2021.telling.charts import costs_figure

@@ -15,6 +15,7 @@ from mapgraft.contracts import ConfigError, MapError
 from mapgraft_floorplan import dxf_file, raster_file, svg_file
 from mapgraft_floorplan.drawing import svg
 from mapgraft_floorplan.layer import Walls
+from mapgraft_floorplan.map_type import FloorPlanType
 from mapgraft_floorplan.plan import MOST_SEGMENTS, NOMINAL_M
 
 Write = Callable[[str, str], Path]
@@ -310,3 +311,13 @@ def test_map_server_plans(tmp_path: Path) -> None:
     ends = raster_file.read(tmp_path / "a.plan.yaml").segments_m.reshape(-1, 2)
     assert ends.min(axis=0) == pytest.approx([2.0, 2.5], abs=0.013)  # outlines lie within a quarter of a pixel
     assert ends.max(axis=0) == pytest.approx([2.1, 4.5], abs=0.013)
+
+
+@pytest.mark.parametrize("told", ["[" * 3000, '{"walls": [Infinity, 0]}', '{"walls": 5}', "{}"])
+def test_bytes_whose_head_nobody_would_write_are_no_plan(told: str) -> None:
+    sound = FloorPlanType().encode(FloorPlanType().new_layer())
+    assert FloorPlanType().encode(FloorPlanType().decode(sound)) == sound
+    form = '"format": "mapgraft-floor-plan 1", "observations": 0, "scale_known": true, "sensors": []'
+    head = told.replace("}", f", {form}}}").replace("{, ", "{")
+    with pytest.raises(MapError, match="this is no floor plan"):
+        FloorPlanType().decode(head.encode() + b"\n")

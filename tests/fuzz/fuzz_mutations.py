@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+
+Damage = Callable[[bytes], bytes]
+"""Changes any bytes, at random."""
+
+Own = Callable[[bytes, random.Random, Damage], bytes]
+"""Changes bytes of one kind, at random, by way of a function that changes any."""
 
 EDGES = (
     b"\x00",
@@ -18,9 +24,17 @@ EDGES = (
 )
 
 
-def mutated(seeds: Sequence[bytes], chance: random.Random) -> bytes:
-    """One of the seeds with one to six damages."""
-    data = bytearray(chance.choice(seeds))
+def mutated(seeds: Sequence[bytes], chance: random.Random, own: Own | None = None) -> bytes:
+    """One of the seeds with one to six damages, or damaged by a harness's ``own`` way."""
+    sound = chance.choice(seeds)
+    if own is None:
+        return damaged(sound, seeds, chance)
+    return own(sound, chance, lambda part: damaged(part, seeds, chance))
+
+
+def damaged(sound: bytes, seeds: Sequence[bytes], chance: random.Random) -> bytes:
+    """One input with one to six damages, some of them parts of others."""
+    data = bytearray(sound)
     for _ in range(chance.randint(1, 6)):
         _damage(data, seeds, chance)
     return bytes(data)

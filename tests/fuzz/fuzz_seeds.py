@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
+import math
+import struct
 from functools import cache
 
 import numpy as np
-from mcap.writer import CompressionType, IndexType, Writer
+from fuzz_recordings import BETWEEN
+from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from mapgraft.contracts import GridMessage, Observation, Scan, Transform
 from mapgraft.contracts.sources import SchemaText
 
 S = 1_000_000_000
@@ -162,8 +165,6 @@ def _protobuf(name: str) -> SchemaText:
 
 
 def _protobuf_scan() -> bytes:
-    import struct
-
     ranges = struct.pack("<3d", 1.0, 2.0, 3.0)
     fields = b"\x0a\x02\x08\x05" + b"\x12\x01l" + b"\x19" + struct.pack("<d", -1.0) + b"\x21" + struct.pack("<d", 1.0)
     return fields + b"\x2a" + bytes([len(ranges)]) + ranges
@@ -186,22 +187,104 @@ def cdr_seeds() -> list[bytes]:
     seeds += [bytes([names.index(name)]) + json.dumps(body).encode() for name, body in _JSON.items()]
     seeds += [bytes([k]) + _protobuf_scan() for k, (encoding, _) in enumerate(kinds) if encoding == "protobuf"]
     seeds += [bytes([k]) + b"\0\1\0\0" for k in range(len(kinds))]
-    inner = b"\0\1\0\0" + b"\1\0\0\0" * 12
-    seeds += [
-        b"\xff" + b"\0".join((b"cdr", b"ros2msg", b"a/msg/A", text, inner))
-        for text in (
-            NESTED_TEXT.encode(),
-            b"a/A self",
-            b"float32[4] x\nbool y=True\nstring NAME=a",
-            b"a/B[9] b\n" + b"=" * 80 + b"\nMSG: a/B\na/C[] c\n" + b"=" * 80 + b"\nMSG: a/C\n",
-            b"float64[99999999999] x",
-            b"Header header\nwho/Knows x",
-        )
+    return [*seeds, *_defined(), *_in_rows(), *_quick()]
+
+
+def definition(encoding: str, kind: str, name: str, text: str, body: bytes, typestore: str = "") -> bytes:
+    """A definition with messages of it, as ``fuzz_recordings.cdr`` takes them apart."""
+    return b"\xff" + b"\0".join((*(part.encode() for part in (encoding, kind, name, typestore, text)), body))
+
+
+def _defined() -> list[bytes]:
+    """Definitions in the file: sound, hostile, and none."""
+    inner, line = b"\0\1\0\0" + b"\1\0\0\0" * 12, "=" * 80
+    chain = f"\n{line}\n".join(["a/B0 x", *(f"MSG: a/B{n}\na/B{n + 1} x" for n in range(8)), "MSG: a/B8\nbool x"])
+    texts = (
+        NESTED_TEXT,
+        "a/A self",
+        "float32[4] x\nbool y=True\nstring NAME=a",
+        f"a/B[9] b\n{line}\nMSG: a/B\na/C[] c\n{line}\nMSG: a/C\n",
+        f"a/B[2000] b\na/B[600] c\na/B[600] d\n{line}\nMSG: a/B\nbool c\n",
+        f"a/B[600] c\na/B[600] d\n{line}\nMSG: a/B\nbool c\n",
+        f"a/B b\na/B c\n{line}\nMSG: a/B\nstring[3] c\n",
+        "float64[99999999999] x",
+        "Header header\nwho/Knows x",
+        "std_msgs/Header header\nstd_msgs/Header[2] more",
+        "\x00\xff",
+        "float64 x y z",
+        chain,
+        "# " + "x" * 1450,
+    )
+    found = [definition("cdr", "ros2msg", "a/msg/A", text, inner) for text in texts]
+    found += [definition("ros1", "ros1msg", "a/A", text, inner[4:]) for text in texts[:6]]
+    joined = f"{line}\nIDL: a/msg/C\n#include <x>\n{IDL}"
+    found += [definition("cdr", "ros2idl", "a/msg/C", text, inner) for text in (IDL, joined, "module {", "")]
+    for name in (LASER, GRID, TF, *POSES, "foxglove/msg/LaserScan", "nobody/msg/Knows", "1/2", "a"):
+        found.append(definition("cdr", "ros2msg", name, "", inner))
+        found.append(definition("cdr", "ros2msg", name, "float64 x", inner))
+        found.append(definition("ros1", "", name, "", inner))
+        found.append(definition("json", "", name, "", b"{}"))
+    found += [
+        definition("cdr", "", LASER, "", inner, typestore) for typestore in ("ros2_jazzy", "ros3", "empty", "latest")
     ]
-    seeds.append(b"\xff" + b"\0".join((b"cdr", b"ros2idl", b"a/msg/C", IDL.encode(), inner)))
-    joined = "=" * 80 + "\nIDL: a/msg/C\n#include <x>\n" + IDL
-    seeds.append(b"\xff" + b"\0".join((b"cdr", b"ros2idl", b"a/msg/C", joined.encode(), inner)))
-    return seeds
+    beams = "uint8[] stamp\nfloat64 start_angle\nfloat64 end_angle\nfloat64[] ranges\nstring frame_id"
+    found.append(definition("cdr", "ros2msg", "foxglove/msg/LaserScan", beams, inner))
+    found += [definition("protobuf", "protobuf", "a.B", "\x0a\x02x", b"x"), definition("protobuf", "", "a.B", "", b"x")]
+    return found
+
+
+def _in_rows() -> list[bytes]:
+    """Several messages of one channel: alike, of other sizes, with other frames, and damaged."""
+    rows = []
+    for k, ros in ((0, 2), (8, 1)):
+        store = store_of(ros)
+        made = message(store, LASER, ros)
+        scan = bytes(store.serialize_cdr(made, LASER) if ros == 2 else store.serialize_ros1(made, LASER))
+        frame = scan.index(b"map")
+        other = scan[:frame] + b"far" + scan[frame + 3 :]
+        longer = [scan[:frame] + bytes(4 * n) + scan[frame:] for n in (1, 2)]
+        count = scan.index(struct.pack("<I", 5), frame)
+        fewer = scan[:count] + struct.pack("<I", 4) + scan[count + 4 :]
+        big = b"\0\0" + scan[2:]
+        nan = scan.replace(struct.pack("<f", -1.5), struct.pack("<f", math.nan))
+        frames = [scan[:frame] + b"f%02d" % n + scan[frame + 3 :] for n in range(5)]
+        sized = [_scan_of(ros, beams) for beams in (0, 1, 2, 3)]
+        late = scan.replace(struct.pack("<I", 5), struct.pack("<I", 0xFB000005), 1)  # seconds without a sign
+        pairs = ((late, late), (scan, scan), (scan, other), (scan, fewer), (scan, big), (scan, nan), (scan[:-1], scan))
+        rows += [bytes([k]) + BETWEEN.join(row) for row in (*pairs, frames, sized, (scan, *longer, scan))]
+    return rows
+
+
+def _scan_of(ros: int, beams: int) -> bytes:
+    store = store_of(ros)
+    sound = message(store, LASER, ros)
+    made = dataclasses.replace(sound, ranges=np.ones(beams, np.float32))
+    return bytes(store.serialize_cdr(made, LASER) if ros == 2 else store.serialize_ros1(made, LASER))
+
+
+def _quick() -> list[bytes]:
+    """Transforms that the quick way leaves to the general one, and numbers that are none."""
+    found = []
+    for k, ros in ((2, 2), (10, 1)):
+        store = store_of(ros)
+        edge = message(store, POSES[0], ros)
+        sound = store.types[TF]([edge, edge])
+        data = bytes(store.serialize_cdr(sound, TF) if ros == 2 else store.serialize_ros1(sound, TF))
+        at = 4 if ros == 2 else 0
+        found += [bytes([k]) + data[:at] + struct.pack("<I", n) + data[at + 4 :] for n in (0, 1, 3, 4, 1 << 31)]
+        found += [bytes([k]) + data + b"x" * n for n in (1, 4)]
+        found += [bytes([k]) + data.replace(b"map\0", b"map\1"), bytes([k]) + data.replace(b"map", b"\xff\xfe\xfd")]
+        second = struct.pack("<I", 5)
+        found += [bytes([k]) + data.replace(second, struct.pack("<I", s)) for s in (0xFFFFFFFF, 0x7FFFFFFF)]
+    grid = store_of(2)
+    made = message(grid, GRID, 2)
+    for info in ({"width": 0}, {"width": 4}, {"resolution": 0.0}, {"resolution": math.nan}):
+        odd = dataclasses.replace(made, info=dataclasses.replace(made.info, **info))
+        found.append(b"\1" + bytes(grid.serialize_cdr(odd, GRID)))
+    unturned = dataclasses.replace(made.info.origin.orientation, w=0.0)
+    origin = dataclasses.replace(made.info.origin, orientation=unturned)
+    odd = dataclasses.replace(made, info=dataclasses.replace(made.info, origin=origin))
+    return [*found, b"\1" + bytes(grid.serialize_cdr(odd, GRID))]
 
 
 def mcap_file(
@@ -231,132 +314,3 @@ def mcap_file(
     if finish:
         writer.finish()
     return stream.getvalue()
-
-
-def mcap_seeds() -> list[bytes]:
-    small = {"types": (TF,), "count": 2}
-    return [
-        mcap_file(**small, enable_crcs=False),
-        mcap_file(**small, enable_crcs=True),
-        mcap_file("zstd", **small),
-        mcap_file("lz4", **small),
-        mcap_file(finish=False, **small),
-        mcap_file(use_chunking=False, **small),
-        mcap_file(index_types=IndexType.NONE, use_summary_offsets=False, **small),
-        mcap_file(use_statistics=False, repeat_channels=False, repeat_schemas=False, **small),
-        mcap_file(types=(LASER,), count=3, enable_crcs=False),
-        mcap_file("zstd", types=(LASER,), count=6),
-        mcap_file(types=(), count=3, enable_crcs=False),
-        mcap_file(count=0),
-        b"\x89MCAP0\r\n",
-    ]
-
-
-def carmen_seeds() -> list[bytes]:
-    import gzip
-
-    laser = "FLASER 5 1.0 2.0 81.9 3.0 4.0 {n} 0 0.1 {n} 0 0.1 {s} host {s}\n"
-    rear = "RLASER 3 1.0 2.0 3.0 {n} 0 0.1 {n} 0 0.1 {s} host {s}\n"
-    odom = "ODOM {n} 0 0.1 0.5 0 0 {s} host {s}\n"
-    robot = "ROBOTLASER1 0 -1.57 3.14 0.785 80 0.01 0 5 1 2 3 4 81.9 0 {n} 0 0.1 {n} 0 0.1 0 0 0 0 0 {s} host {s}\n"
-    old = "LASER_READING 3 1.0 2.0 3.0 {n} 0 0.1 {s}\n"
-    true = "TRUEPOS {n} 0 0.1 {n} 0 0.1 {s} host {s}\n"
-
-    def log(*kinds: str, stamps=range(8)) -> bytes:
-        text = "# a log\nPARAM a b\n" + "".join(k.format(n=n, s=s) for n, s in enumerate(stamps) for k in kinds)
-        return text.encode()
-
-    return [
-        log(laser, odom),
-        log(robot, odom),
-        log(laser, rear, true, stamps=[0.5 * n for n in range(8)]),
-        log(old, "ODOM {n} 0 0.1 {s}\n"),
-        log(laser, stamps=[0] * 8),
-        log(laser, stamps=[100, 101, 102, 3, 4, 5, 6, 7]),
-        log(laser, stamps=[100, 101, 0, 103, 104]),
-        log(odom),
-        gzip.compress(log(laser), mtime=0),
-        gzip.compress(log(laser), mtime=0)[:-12],
-        log(laser).replace(b"\n", b"\r\n"),
-    ]
-
-
-def config_seeds() -> list[bytes]:
-    yaml = [
-        b"mission: {start: aligned, start_s: 1, end_s: 6, every: 2}\n",
-        b"robots:\n  a: {source: b, files: [x], window: {start_s: 0, end_s: 5}, poses: {topic: /o, file: p.tum}}\n",
-        b"map: &m {type: grid, resolution_m: 0.05}\nrobots: {a: {map: *m}}\n",
-        b"priors: [{receiver: a, donor: b, x_m: 1, y_m: 2, yaw_rad: 0.5}]\nforbid: [[a, b]]\n",
-        b"verdicts: [{merge: a.b.1, action: revert, by: x}]\nrules: r.yaml\n",
-        b"limits: {beams: 5, plugin_s: 1.5}\noutput: {scans: true}\nexchange: {use: at, seconds: [1]}\n",
-        b"a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\n",
-        b"? [1, 2]\n: {a: !!set {x, y}}\n'2001-01-01': 2001-01-01 00:00:00\n",
-        b"reversal: lodger\nmap: 1\nrobots: {'../x': {}, 'a b': {}}\n--- 2\n",
-        b"[[[[[[[[]]]]]]]]\n",
-        b"<<: {a: 1}\nx: !!binary aGk=\ny: 0x1f\nz: 1e400\n",
-    ]
-    toml = [b"[mission]\nstart_s = 1\nend_s = 5\n", b"a = [[[[1]]]]\nb = {c = 2001-01-01}\n", b"x = 1e400\n"]
-    return [b"\0" + text for text in yaml] + [b"\1" + text for text in toml]
-
-
-_PROCEDURE = "match: {use: correlation}, accept: {use: posterior}, fuse: {use: log_odds}, verify: {use: sequential}"
-
-
-def decision_seeds() -> list[bytes]:
-    texts = [
-        "- {name: r, " + _PROCEDURE + "}",
-        "- {name: r, when: {own.type: occupancy_grid, resolution_ratio: {min: 0.1, max: 10}}, " + _PROCEDURE + "}",
-        "- {name: r, when: {own.a: [1, x, true], prior: false}, reject: never, priority: 5}",
-        "- {name: r, via: occupancy_grid, candidates: 2, reverse: {allow: [ledger]}, " + _PROCEDURE + "}",
-        "- {name: r, match: {use: nosuch}, accept: {use: thresholds, metrics: {similarity: {min: 1}}}, "
-        "fuse: {use: log_odds}, verify: {use: thresholds, metrics: [distance], every: 3, log: {every: 9}}}",
-        "- {name: r, retry: {growth: 0.5}, refine: {every: null}, metrics: {rays: {}}, " + _PROCEDURE + "}",
-        "- {name: r}\n- {name: s, reject: no, match: {use: x}}\n- 5\n- {when: {odd: 1}}",
-        "- {name: r, when: {own.observations: {min: .nan, max: -.inf}, other.type: 5}, reject: x}",
-        "{}",
-        "- &a {name: r, when: {own.type: x}, reject: no}\n- *a",
-    ]
-    facts = [b"", b'{"own.a": true, "reversal": "ledger", "prior": false}', b'{"own.a": "x", "own.type": 3}', b"[1]"]
-    return [text.encode() + (b"\0" + told if told else b"") for text in texts for told in facts]
-
-
-def layer_seeds() -> list[bytes]:
-    import zstandard
-
-    from mapgraft.contracts import MapMetadata, Provenance
-    from mapgraft.exchange import LayerMessage, Offer
-    from mapgraft_grid.map_type import OccupancyGrid
-
-    T = Transform.planar(1.0, 2.0, 0.3)
-    angles = np.linspace(-1, 1, 9)
-    scan = Scan(np.stack((np.cos(angles), np.sin(angles)), 1), np.full(9, 3.0, np.float32), np.ones(9, np.bool_))
-    ready = GridMessage(np.array([[0, 100], [-1, 50]], np.int8), 0.1, Transform.identity())
-    layers = []
-    for payload, kind in ((None, ""), (scan, "scan"), (ready, "grid_message")):
-        grid = OccupancyGrid(resolution_m=0.1)
-        layer = grid.new_layer()
-        if payload is not None:
-            grid.integrate(layer, Observation("a", 0, 0, "laser", kind, payload, T, T))
-        layers.append(grid.encode(layer))
-    messages = [LayerMessage(Provenance("a", 1, 2), "occupancy_grid", data).encode() for data in layers]
-    offers = [
-        Offer(Provenance("a", 1, 2), MapMetadata("occupancy_grid", 0.05, bounds_m=bounds, extra={"x": 1})).encode()
-        for bounds in (None, (0.0, 0.0, 1.0, 1.0))
-    ]
-    inner = [zstandard.ZstdDecompressor().decompressobj().decompress(data[8:]) for data in layers]
-    return [
-        *(b"p" + data for data in layers),
-        *(b"m" + data for data in messages),
-        *(b"o" + data for data in offers),
-        *(b"i" + data for data in inner),
-    ]
-
-
-SEEDS = {
-    "mcap": mcap_seeds,
-    "carmen": carmen_seeds,
-    "cdr": cdr_seeds,
-    "config": config_seeds,
-    "decision": decision_seeds,
-    "layer": layer_seeds,
-}

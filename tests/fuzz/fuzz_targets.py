@@ -1,19 +1,24 @@
-"""What is fuzzed: one function per kind of bytes from strangers, which may raise MapgraftError and nothing else.
+"""What is fuzzed: one harness per kind of bytes from strangers, which may raise MapgraftError and nothing else.
 
 Imports are made inside ``build`` functions, so that an engine can watch which branches of the imported code are taken.
 """
 
 from __future__ import annotations
 
-import json
-import os
-import tempfile
-from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass
-from pathlib import Path
+import importlib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 
-Run = Callable[[bytes], None]
+import fuzz_bags
+import fuzz_documents
+import fuzz_layers
+import fuzz_mcap
+import fuzz_recordings
+from fuzz_documents import damaged_document
+from fuzz_mutations import Own
+from fuzz_recordings import Run
+
 CONTAINERS = "mapgraft.recording.containers"
 DECODING = "mapgraft.recording.decoding"
 
@@ -22,7 +27,9 @@ DECODING = "mapgraft.recording.decoding"
 class Harness:
     """``build`` makes the function that takes the bytes, ``modules`` is the code that it is after.
 
-    ``plain`` modules are imported before anybody watches: numba cannot compile what is watched.
+    ``plain`` modules are imported before anybody watches: numba cannot compile what is watched. ``bounds`` are made
+    small (``module:NAME``), so that small inputs reach what is beyond them. ``damage`` changes an input where it makes
+    sense, by way of a function that changes any bytes.
     """
 
     name: str
@@ -30,264 +37,154 @@ class Harness:
     modules: tuple[str, ...]
     max_bytes: int
     plain: tuple[str, ...] = ()
+    bounds: Mapping[str, float] = field(default_factory=dict)
+    damage: Own | None = None
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        return tuple(WORDS[self.name].split())
 
 
-def _scratch(name: str) -> Path:
-    """A file of this process, in memory where the machine has such a place."""
-    room = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
-    return Path(tempfile.mkdtemp(prefix="mapgraft-fuzz-", dir=room)) / name
+@contextmanager
+def bounded(harness: Harness) -> Iterator[None]:
+    """With the harness's bounds in place of the usual ones."""
+    before = []
+    for place, value in harness.bounds.items():
+        module, _, name = place.partition(":")
+        found = importlib.import_module(module)
+        before.append((found, name, getattr(found, name)))
+        setattr(found, name, value)
+    try:
+        yield
+    finally:
+        for found, name, usual in before:
+            setattr(found, name, usual)
 
 
-def _read_through(source) -> None:
-    """Everything that a mission may ask of a source."""
-    from mapgraft.errors import RecordingError
-    from mapgraft.recording.decoding.poses import POSE_READERS, poses_of
-
-    with source:
-        for raw in source.messages():
-            with suppress(RecordingError):
-                message = source.decode(raw)
-                if raw.channel.message_type in POSE_READERS:
-                    poses_of(raw.channel.message_type, message)
-        scans = list(source.scans())
-        if scans:
-            middle_ns = sorted(scan.log_ns for scan in scans)[len(scans) // 2]
-            assert len(list(source.scans(None, middle_ns))) <= len(scans)
-        assert all(fault.count > 0 and fault.sentence for fault in source.faults)
-        for channel in source.channels:
-            source.schema(channel)
+def _modules(package: str, *names: str) -> tuple[str, ...]:
+    return tuple(f"{package}.{name}" for name in names)
 
 
-def mcap() -> Run:
-    from mapgraft.errors import MapgraftError
-    from mapgraft.recording.containers.mcap_file import McapSource
-
-    path = _scratch("a.mcap")
-
-    def run(data: bytes) -> None:
-        path.write_bytes(data)
-        with suppress(MapgraftError):
-            _read_through(McapSource(path))
-        path.unlink()  # what is mapped stays as it is
-
-    return run
-
-
-def carmen() -> Run:
-    from mapgraft.errors import MapgraftError
-    from mapgraft.recording.containers.carmen_file import CarmenSource
-
-    path = _scratch("a.log")
-
-    def run(data: bytes) -> None:
-        path.write_bytes(data)
-        with suppress(MapgraftError):
-            _read_through(CarmenSource(path))
-
-    return run
-
-
-def cdr() -> Run:
-    """The first byte chooses how the message is encoded; of definitions from the bytes themselves, see ``_defined``."""
-    from fuzz_seeds import message_kinds
-
-    from mapgraft.contracts.sources import SCAN_TYPES
-    from mapgraft.errors import MapgraftError
-    from mapgraft.recording.decoding.codecs import Undecodable, codec_for
-    from mapgraft.recording.decoding.grids import grid_payload
-    from mapgraft.recording.decoding.names import message_type
-    from mapgraft.recording.decoding.poses import POSE_READERS, poses_of
-    from mapgraft.recording.decoding.scan_fields import SCAN_READERS
-    from mapgraft.recording.decoding.scans import scan_payload
-    from mapgraft.recording.poses.quick_tf import transforms
-
-    kinds = message_kinds()
-
-    def run(data: bytes) -> None:
-        if not data:
-            return
-        if data[0] < 128:
-            encoding, schema = kinds[data[0] % len(kinds)]
-            body = data[1:]
-        else:
-            encoding, schema, body = _defined(data[1:])
-        name = "" if schema is None else message_type(schema.name)
-        with suppress(MapgraftError):
-            codec = codec_for(encoding, schema)
-            if isinstance(codec, Undecodable):
-                assert codec.why_not
-                return
-            if name in SCAN_TYPES and name in SCAN_READERS:
-                quick = codec.decode_scan(body)
-                general = SCAN_READERS[name](codec.decode(body))
-                assert repr(quick) == repr(general)
-                scan_payload(quick)
-            message = codec.decode(body)
-            if name in POSE_READERS:
-                quick_poses = transforms(encoding, body)
-                general_poses = poses_of(name, message)
-                if name.startswith("tf") and quick_poses is not None:
-                    assert repr(list(general_poses)) == repr(quick_poses)
-                for record in general_poses:
-                    if record.valid:
-                        record.transform()
-            if name == "nav_msgs/msg/OccupancyGrid":
-                grid_payload(message)
-
-    return run
-
-
-def _defined(data: bytes):
-    """A definition and a message of it: ``encoding \\0 kind \\0 name \\0 definition \\0 message``."""
-    from mapgraft.contracts.sources import SchemaText
-
-    encoding, kind, name, text, body = (data.split(b"\0", 4) + [b""] * 5)[:5]
-    schema = SchemaText(name.decode("latin1"), kind.decode("latin1"), text)
-    return encoding.decode("latin1"), schema, body
-
-
-def config() -> Run:
-    """The first byte chooses YAML or TOML."""
-    from mapgraft.config import load_config
-    from mapgraft.errors import MapgraftError
-
-    paths = (_scratch("a.yaml"), _scratch("a.toml"))
-
-    def run(data: bytes) -> None:
-        path = paths[data[0] % 2] if data else paths[0]
-        path.write_bytes(data[1:])
-        try:
-            found = load_config(path)
-        except MapgraftError as error:
-            str(error).encode(errors="backslashreplace")
-        else:
-            found.model_dump_json()
-
-    return run
-
-
-def decision() -> Run:
-    """Rules and, behind a zero byte, the facts of a pair as JSON."""
-    from mapgraft.contracts import MapMetadata
-    from mapgraft.decision import build_table, facts_of, parse_rules
-    from mapgraft.errors import MapgraftError
-    from mapgraft.plugins import load_plugins
-
-    plugins = load_plugins()
-    grid, other = MapMetadata("occupancy_grid", 0.05, known_area_m2=50.0), MapMetadata("beacons")
-
-    def run(data: bytes) -> None:
-        text, _, told = data.partition(b"\0")
-        try:
-            rules = parse_rules(text.decode(errors="replace"), "of the harness")
-            table = build_table(plugins, [rule.model_dump(mode="json", exclude_unset=True) for rule in rules])
-        except MapgraftError as error:
-            str(error).encode(errors="backslashreplace")
-            return
-        facts = facts_of(grid, other, 1.0)
-        with suppress(ValueError, RecursionError):
-            given = json.loads(told)
-            if isinstance(given, dict):
-                facts |= {k: v for k, v in given.items() if isinstance(v, bool | int | float | str)}
-        for these in (facts, facts_of(grid, grid), facts_of(other, other, None, "single_map")):
-            ruling = table.choose(these)
-            assert ruling.reason
-            assert ruling.rejected or ruling.rule is not None
-        table.source.encode()
-
-    return run
-
-
-def layer() -> Run:
-    """The first byte chooses what the bytes are: a packed layer, the inside of one, a message or an offer."""
-    import zstandard
-
-    from mapgraft.contracts import Transform
-    from mapgraft.errors import MapgraftError
-    from mapgraft.exchange import LayerMessage, Offer
-    from mapgraft_grid.codec import decode, encode
-    from mapgraft_grid.map_type import OccupancyGrid
-
-    map_type = OccupancyGrid()
-    T = Transform.planar(1.0, 2.0, 0.5)
-    pack = zstandard.ZstdCompressor(level=3, write_checksum=True).compress
-
-    def read(data: bytes) -> None:
-        found = decode(data)
-        assert encode(decode(encode(found))) == encode(found)
-        map_type.metadata(found)
-        assert map_type.view(found).known() >= 0
-        map_type.place(found, T)
-
-    def run(data: bytes) -> None:
-        kind, body = data[:1], data[1:]
-        with suppress(MapgraftError):
-            if kind == b"o":
-                assert Offer.decode(Offer.decode(body).encode()) is not None
-            elif kind == b"m":
-                message = LayerMessage.decode(body)
-                assert LayerMessage.decode(message.encode()) == message
-                read(message.payload)
-            elif kind == b"p":
-                read(body)
-            else:
-                read(b"MGGRID\x01\x00" + pack(body))
-
-    return run
-
+WORDS = {
+    "mcap": "sensor_msgs/msg/LaserScan tf2_msgs/msg/TFMessage cdr ros1 json zstd lz4 bz2 offered_qos_profiles",
+    "bag": "op= conn= time= size= compression= none bz2 lz4 index_pos= chunk_pos= topic= type= latching=1",
+    "db3": "cdr sensor_msgs/msg/LaserScan topics messages TABLE BLOB INTEGER",
+    "carmen": "FLASER RLASER ODOM TRUEPOS ROBOTLASER1 ROBOTLASER2 LASER_READING nan inf 1e400 -1 100000 400 81.83",
+    "cdr": "float64 float64[] string uint8[9] MSG: IDL: std_msgs/Header ros1msg ros2msg ros2idl module struct "
+    "sequence<double> tf2_msgs/msg/TFMessage sensor_msgs/msg/LaserScan cdr ros1 json protobuf NaN Infinity null",
+    "config": "mission robots poses window start_s limits rules priors verdicts null true .nan *a &a !!set merge "
+    "T_receiver_donor 1e999 [[ {} files [mission] exchange reversal",
+    "decision": "name when match accept fuse verify reject own.type other.type min max use metrics priority via "
+    "occupancy_grid line_segments posterior log_odds sequential *a &a .nan null [[ {}",
+    "layer": 'Infinity NaN null [[ "walls" "rows" "pools" "floors" "sensors" "metadata" 1e999 ~~',
+}
+"""What random bytes would not hit upon."""
 
 HARNESSES = {
     harness.name: harness
     for harness in (
         Harness(
             "mcap",
-            mcap,
-            tuple(
-                f"{CONTAINERS}.{name}"
-                for name in (
-                    "mcap_file",
-                    "mcap_index",
-                    "mcap_messages",
-                    "mcap_records",
-                    "mcap_scans",
-                    "chunks",
-                    "inflate",
-                )
+            fuzz_recordings.mcap,
+            (
+                *_modules(CONTAINERS, "chunks", "inflate", "latching", "limits", "mcap_file", "mcap_index"),
+                *_modules(CONTAINERS, "mcap_messages", "mcap_records", "mcap_scans", "mcap_shapes", "mcap_summary"),
+                *_modules(CONTAINERS, "mcap_walk", "selection"),
             ),
-            4096,
+            2600,
+            bounds={
+                f"{CONTAINERS}.chunks:RESIDENT_BYTES": 3000,
+                f"{CONTAINERS}.inflate:ONE_SHOT_LIMIT": 1 << 16,
+                f"{CONTAINERS}.limits:FREE_BYTES": 1 << 20,
+                f"{CONTAINERS}.mcap_walk:BARE_BLOCK_BYTES": 300,
+                f"{CONTAINERS}.mcap_shapes:_READ_BYTES": 200,
+            },
+            damage=fuzz_mcap.damaged,
+        ),
+        Harness(
+            "bag",
+            fuzz_bags.bag,
+            _modules(CONTAINERS, "bag_file", "bag_index", "bag_records", "bag_walk"),
+            2600,
+            bounds={
+                f"{CONTAINERS}.chunks:RESIDENT_BYTES": 3000,
+                f"{CONTAINERS}.inflate:ONE_SHOT_LIMIT": 1 << 16,
+                f"{CONTAINERS}.limits:FREE_BYTES": 1 << 20,
+            },
+        ),
+        Harness(
+            "db3",
+            fuzz_bags.db3,
+            _modules(CONTAINERS, "sqlite_file", "sqlite_opening", "sqlite_pages", "sqlite_salvage", "sqlite_topics"),
+            8192,
+            bounds={f"{CONTAINERS}.limits:FREE_BYTES": 1 << 20, f"{CONTAINERS}.sqlite_opening:FREE_STEPS": 100_000},
         ),
         Harness(
             "carmen",
-            carmen,
-            tuple(
-                f"{CONTAINERS}.{name}"
-                for name in ("carmen_file", "carmen_lines", "carmen_clock", "carmen_survey", "text_lines")
+            fuzz_recordings.carmen,
+            (
+                *_modules(CONTAINERS, "carmen_file", "carmen_lines", "carmen_clock", "carmen_survey"),
+                *_modules(CONTAINERS, "scanning", "text_lines"),
             ),
-            2048,
+            1300,
+            bounds={
+                f"{CONTAINERS}.text_lines:LONGEST_LINE_BYTES": 1000,
+                f"{CONTAINERS}.text_lines:_BLOCK_BYTES": 200,
+                f"{CONTAINERS}.limits:FREE_TEXT_BYTES": 6000,
+                f"{CONTAINERS}.limits:TEXT_SHARE": 1e-3,
+            },
         ),
         Harness(
             "cdr",
-            cdr,
+            fuzz_recordings.cdr,
             (
-                *(
-                    f"{DECODING}.{name}"
-                    for name in (
-                        "codecs",
-                        "definitions",
-                        "laser_layout",
-                        "grids",
-                        "poses",
-                        "records",
-                        "scan_fields",
-                        "scans",
-                    )
-                ),
+                *_modules(DECODING, "codecs", "definitions", "laser_layout", "grids", "names", "poses", "records"),
+                *_modules(DECODING, "scan_fields", "scans"),
                 "mapgraft.recording.poses.quick_tf",
             ),
-            2048,
+            1500,
+            bounds={
+                f"{DECODING}.definitions:MOST_BYTES": 1400,
+                f"{DECODING}.definitions:MOST_DEPTH": 6,
+                f"{DECODING}.definitions:MOST_ELEMENTS": 1000,
+                f"{DECODING}.laser_layout:_MOST_LAYOUTS": 2,
+                "mapgraft.recording.poses.quick_tf:_MOST_TRANSFORMS": 3,
+            },
         ),
-        Harness("config", config, ("mapgraft.config", "mapgraft.documents"), 1024),
-        Harness("decision", decision, ("mapgraft.decision", "mapgraft.documents"), 1024),
-        Harness("layer", layer, ("mapgraft_grid.codec", "mapgraft.exchange"), 4096, ("mapgraft_grid.map_type",)),
+        Harness(
+            "config",
+            fuzz_documents.config,
+            ("mapgraft.config", "mapgraft.documents"),
+            1100,
+            bounds={"mapgraft.documents:MOST_BYTES": 1000, "mapgraft.documents:MOST_NODES": 2000},
+            damage=damaged_document,
+        ),
+        Harness(
+            "decision",
+            fuzz_documents.decision,
+            ("mapgraft.decision", "mapgraft.obstacles", "mapgraft.documents"),
+            1100,
+            bounds={"mapgraft.documents:MOST_BYTES": 1000, "mapgraft.documents:MOST_NODES": 2000},
+            damage=damaged_document,
+        ),
+        Harness(
+            "layer",
+            fuzz_layers.layer,
+            (
+                "mapgraft_cloud.codec",
+                "mapgraft_floorplan.codec",
+                "mapgraft_grid.codec",
+                "mapgraft_lines.codec",
+                "mapgraft_standard.frames",
+                "mapgraft.exchange",
+            ),
+            2000,
+            plain=(
+                "mapgraft_cloud.map_type",
+                "mapgraft_floorplan.map_type",
+                "mapgraft_grid.map_type",
+                "mapgraft_lines.map_type",
+            ),
+        ),
     )
 }

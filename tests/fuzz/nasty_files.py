@@ -23,6 +23,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+import fuzz_mcap
+from fuzz_bag_seeds import odd_bags, odd_databases
+from fuzz_mcap_seeds import HEAD, LIES, scans_at
 from fuzz_seeds import LASER, TF, mcap_file, store_of
 from mcap.writer import CompressionType, Writer
 
@@ -51,6 +54,7 @@ def all_cases() -> list[Nasty]:
         *configs(),
         *tables(),
         *recordings(),
+        *liars(),
         *times(),
         *poses(),
         *definitions(),
@@ -94,6 +98,7 @@ _CONFIGS = {
     "laughs-in-rules": _LAUGHS + "rules: *a8\n",
     "alias-of-itself": "map: &m {type: *m}\n",
     "alias-of-nothing": "map: *nothing\n",
+    "anchor-twice": "map: &a {type: &a occupancy_grid}\nmission: {}\n",
     "duplicate-key": "mission: {}\nmission: {}\n",
     "python-object": "map: !!python/object/apply:os.system [echo hello]\n",
     "unknown-tag": "map: !danger {a: 1}\n",
@@ -528,6 +533,42 @@ def definitions() -> Iterator[Nasty]:
         yield Nasty(f"definition-{name}", {"a.mcap": recording(schema=schema)}, ("info", "@/a.mcap"), hint="/scan")
 
 
+# -- MCAP files that say what is not so --------------------------------------------------------------------------------
+
+
+def liars() -> Iterator[Nasty]:
+    """Indexes, summaries and chunks that lie, each with right checksums but for what lies, and maps told as JSON."""
+    two = (fuzz_mcap.Chunk(scans_at((1, 2, 3))), fuzz_mcap.Chunk(scans_at((4, 5))))
+    for name in fuzz_mcap.WRONG:
+        for crcs in (True, False):
+            told = fuzz_mcap.Told(crcs=crcs, wrong=frozenset({name}))
+            kind = "sealed" if crcs else "unsealed"
+            data = fuzz_mcap.assembled([*HEAD, *two], told)
+            yield Nasty(
+                f"mcap-{kind}-{name.replace('_', '-')}-lies", {"a.mcap": data}, ("info", "@/a.mcap"), hint="scan"
+            )
+    for lie in LIES:
+        chunk = fuzz_mcap.Chunk(scans_at((1, 2, 3)), "zstd", lie)
+        data = fuzz_mcap.assembled([*HEAD, chunk, two[1]])
+        yield Nasty(f"mcap-packed-chunk-{lie}-lies", {"a.mcap": data}, ("info", "@/a.mcap"), hint="scan")
+    head = '"header": {"stamp": {"secs": 5, "nsecs": 0}, "frame_id": "map"}'
+    info = '"info": {"width": 2, "height": 1, "resolution": 0.1, "origin": {"position": {"x": 0, "y": 0, "z": 0}, '
+    info += '"orientation": {"x": 0, "y": 0, "z": 0, "w": 1}}}'
+    for name, text in {
+        "without-info": f"{{{head}}}",
+        "without-cells": f"{{{head}, {info}}}",
+        "of-words": f'{{{head}, {info}, "data": "ab"}}',
+        "of-halves": f'{{{head}, {info}, "data": [0.5, 0.5]}}',
+        "of-lists": f'{{{head}, {info}, "data": [[0], [1]]}}',
+    }.items():
+        described = (
+            fuzz_mcap.schema(1, "nav_msgs/OccupancyGrid", "jsonschema", b"{}"),
+            fuzz_mcap.channel(1, 1, "/map", "json"),
+        )
+        data = fuzz_mcap.assembled([HEAD[0], *described, fuzz_mcap.message(1, 5 * S, text.encode())])
+        yield Nasty(f"json-map-{name}", {"a.mcap": data}, ("run", "@/a.mcap", "-o", "@/out", "--no-report", "-q"))
+
+
 # -- CARMEN and other text ---------------------------------------------------------------------------------------------
 
 
@@ -546,6 +587,8 @@ def logs() -> Iterator[Nasty]:
         "ranges-huge": good.replace("1.0 2.0 3.0", "1e308 1e309 -1e308"),
         "ranges-words": good.replace("2.0", "two"),
         "stamps-nan": good.replace(".5 host", "nan host"),
+        "stamps-of-million-digits": good.replace(".5 host", "e999999 host"),
+        "stamps-beyond-numbers": good.replace(".5 host", "e999999999999 host"),
         "stamps-zero": "".join(line.format(n=1).replace("1.5", "0") for _ in range(5)),
         "stamps-beyond": good.replace(".5 host", "e300 host"),
         "comments": "# only\n# comments\n",
@@ -764,6 +807,10 @@ def bags() -> Iterator[Nasty]:
         "zeros": b"SQLite format 3\0" + bytes(5000),
     }.items():
         yield Nasty(f"db3-{name}", {"a.db3": data}, ("info", "@/a.db3"))
+    for name, data in odd_databases().items():
+        yield Nasty(f"db3-{name}", {"a.db3": data}, ("info", "@/a.db3"), hint="scan")
+    for name, data in odd_bags().items():
+        yield Nasty(f"bag-{name}", {"a.bag": data}, info, hint="scan")
     head = "rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: mcap\n"
     whole = {"b/a.mcap": sound_recording()}
     for name, text in {

@@ -142,6 +142,14 @@ def test_truncated_and_foreign_bytes_are_refused(scan_of: MakeScan) -> None:
         grid.decode(b"MGGRID\x07\x00" + good[8:])
 
 
+def test_cells_finer_than_any_configuration_allows_are_refused() -> None:
+    good = OccupancyGrid(resolution_m=0.5).encode(OccupancyGrid(resolution_m=0.5).new_layer())
+    payload = zstandard.ZstdDecompressor().decompress(good[len(HEADER) :])
+    tiny = zstandard.ZstdCompressor(level=3).compress(struct.pack("<d", 5e-324) + payload[8:])
+    with pytest.raises(MapError, match="resolution"):
+        OccupancyGrid().decode(HEADER + tiny)
+
+
 def test_bytes_that_swell_are_refused_before_they_fill_the_memory() -> None:
     swelling = zstandard.ZstdCompressor(level=1).compress(bytes((1 << 29) + 1))
     assert len(swelling) < 100_000

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import cv2
@@ -103,3 +104,10 @@ def test_an_image_too_large_to_be_read_is_refused_by_its_header(tmp_path: Path) 
     path.write_bytes(b"P5\n100000 100000\n255\n")
     with pytest.raises(MapError, match="100000 × 100000 pixels"):
         image_map.read(path, resolution_m=0.05)
+
+
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    pipe = tmp_path / "m.pgm"
+    os.mkfifo(pipe)
+    with pytest.raises(MapError, match="is not a file"):
+        image_map.read(pipe, resolution_m=0.05)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from mapgraft.contracts import Donation, EmptyMapError, MapError, Match, Observation, Provenance, Transform
+from mapgraft_grid import quality as quality_module
 from mapgraft_grid.degradation import Degradation, degrade
 from mapgraft_grid.grid_map import OCCUPIED, DenseGrid, GridMap
 from mapgraft_grid.layer import GridLayer
@@ -228,3 +229,31 @@ def test_degrading_is_seeded_and_does_what_it_says(intel: list[Observation]) -> 
 def test_only_scans_can_be_degraded(message_of: Callable[..., Observation]) -> None:
     with pytest.raises(MapError, match="only scans"):
         list(degrade([message_of([[0, 100]])], Degradation(), 0))
+
+
+@pytest.mark.parametrize(
+    ("height", "width", "resolution_m"),
+    [(300, 500, 0.05), (57, 911, 0.1), (1, 2000, 0.05), (333, 2, 0.3), (70, 60, 1.7), (5, 700, 0.01)],
+)
+def test_large_grids_are_judged_piece_by_piece_as_if_whole(
+    height: int, width: int, resolution_m: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The memory that it takes does not grow with the grid."""
+    chance = np.random.default_rng(height)
+    classes = np.where(chance.random((height, width)) < 0.05, OCCUPIED, chance.integers(0, 2, (height, width)))
+    log_odds = (classes.astype(np.int32) - 1) * 700 + chance.integers(-400, 400, (height, width), np.int32)
+    grid = DenseGrid(classes.astype(np.uint8), log_odds, (-13, 7), (0.0, 0.0), resolution_m)
+    whole = window_quality(grid)
+    monkeypatch.setattr(quality_module, "PIECE_CELLS", 100)
+    monkeypatch.setattr(quality_module, "SIDE_CELLS", 64)
+    pieces = window_quality(grid)
+    assert np.array_equal(pieces.wall_m, whole.wall_m)
+    assert np.allclose(pieces.quality, whole.quality, rtol=1e-6, equal_nan=True)
+    assert whole.wall_m.sum() > 0
+
+
+def test_a_grid_of_too_many_windows_is_not_judged() -> None:
+    cells = np.broadcast_to(np.uint8(1), (3000, 3000))
+    grid = DenseGrid(cells, np.broadcast_to(np.int32(-900), cells.shape), (0, 0), (0.0, 0.0), 1.0)
+    with pytest.raises(MapError, match="too wide to be judged"):
+        window_quality(grid)

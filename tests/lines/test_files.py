@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
+import zstandard
 
 from mapgraft.contracts import ConfigError, Contribution, MapError, Observation, Provenance, Transform
 from mapgraft.outputs.messages import MessageEncoder
@@ -154,3 +155,17 @@ def test_damaged_bytes_are_refused(office, cut):
         KIND.decode(data + b"x")
     with pytest.raises(MapError):
         KIND.decode(b"MGLINES\x02\x00" + data[9:])
+
+
+@pytest.mark.parametrize(
+    "told", [{"rows": [math.inf, 0, 0, 0]}, {"cell_m": 1e-300}, {"cell_m": 0.3}, {"observations": math.inf}]
+)
+def test_a_head_that_nobody_would_write_is_refused(told):
+    head = {"cell_m": 0.25, "mapper": "", "observations": 0, "rows": [0, 0, 0, 0], "sensors": []}
+    packed = [
+        zstandard.ZstdCompressor(level=3, write_checksum=True).compress(json.dumps(h).encode() + b"\n")
+        for h in (head, head | told)
+    ]
+    assert KIND.decode(b"MGLINES\x01\x00" + packed[0]).observations == 0
+    with pytest.raises(MapError, match="is damaged"):
+        KIND.decode(b"MGLINES\x01\x00" + packed[1])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import duckdb
 import numpy as np
@@ -12,6 +12,7 @@ import pytest
 from plots import ALPHA, AT, UNDERSCORE, provenance, tell, told
 from rosbags.highlevel import AnyReader
 
+from mapgraft import recording
 from mapgraft.contracts import GRID_MESSAGE, GridMessage, Observation, Transform
 from mapgraft.events import Event
 from mapgraft.outputs.files import connected, transforms_csv
@@ -20,9 +21,14 @@ from mapgraft.outputs.run_folder import RunFolder
 from mapgraft.outputs.standing import StandingMerges
 from mapgraft.plugins import load_plugins
 from mapgraft.procedures import Workshop
+from mapgraft.recording.poses import tf
+from mapgraft.recording.robots import stamps
 from mapgraft_schemas import TABLES, VERSION, message_texts, table
 
 PAGE = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
+
+
+LOST = {"where": "a.mcap", "topic": "/scan", "cause": "messages_lost", "count": 3, "sentence": "three are gone"}
 
 
 def examples(language: str) -> list[str]:
@@ -36,6 +42,7 @@ def here(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with RunFolder(folder / "OUT", "demo", "r1", provenance()) as sink:
         tell(sink, told())
         sink.timed("replay", 1.0, 1)
+        sink.lost([LOST])
     return folder
 
 
@@ -62,6 +69,18 @@ def test_every_topic_and_record_is_on_the_page(here: Path) -> None:
     for record in ("merge_run", "merge_schema", "merge_names", *provenance().record("r1")):
         assert f"`{record}`" in PAGE
     assert f"version {VERSION}" in PAGE
+
+
+def test_every_cause_of_a_loss_is_on_the_page() -> None:
+    section = PAGE.split("## What was lost")[1].split("## ")[0]
+    told = set(re.findall(r"`(\w+)`", section))
+    source = Path(recording.__file__).parent
+    said = re.compile(r'(?:faults\.add|\.drop|\.notice|_COUNT_DIFFERS =|MESSAGES_LOST =)\(?\s*(?:waiting, )?"(\w+)"')
+    causes = {cause for path in source.rglob("*.py") for cause in said.findall(path.read_text(encoding="utf-8"))}
+    causes |= {*get_args(tf.Cause), *get_args(stamps.StampCause)}
+    assert len(causes) > 40
+    assert causes - {"message_unconvertible"} <= told  # of a conversion, which has no summary
+    assert all(f"| `{key}` |" in section for key in LOST)
 
 
 def test_every_file_is_on_the_page(here: Path) -> None:
@@ -127,7 +146,10 @@ def test_the_columns_of_transforms_csv_are_on_the_page(events: list[Event]) -> N
 
 def test_the_queries_run_and_answer(here: Path, monkeypatch: pytest.MonkeyPatch, events: list[Event]) -> None:
     monkeypatch.chdir(here)
-    present, refused, reverts, metrics, layers, labels = (duckdb.sql(query).fetchall() for query in examples("sql"))
+    lost, present, refused, reverts, metrics, layers, labels = (
+        duckdb.sql(query).fetchall() for query in examples("sql")
+    )
+    assert lost == [tuple(LOST.values())]
     standing = [(m.merge_id, m.receiver, m.donor, m.state) for m in StandingMerges(events).merges]
     assert [row[1:5] for row in present] == standing == [(f"{ALPHA}.{AT}.1", ALPHA, AT, "confirmed")]
     assert {row[2] for row in refused} == {"rejected", "unmatched", "ambiguous"}

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import shutil
+import signal
 import subprocess
 import sys
 import textwrap
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from plots import provenance, tell, told
 
 from mapgraft.errors import OutputError
+from mapgraft.outputs.claims import claim, clear
 from mapgraft.outputs.labels import label
 from mapgraft.outputs.lock import LOCK, locked, settled
 from mapgraft.outputs.read_back import read_events
@@ -24,20 +28,24 @@ TOYS = Path(__file__).parents[1] / "toys"
 MCAP = "demo.merge.mcap"
 BRIEF = 1320  # things of the story that the shorter one tells
 
-# Forks for every job: a process that has done nothing yet. A job is [folder, fatal step or null, length or null].
+# Forks for every job: a process that has imported all and written nothing yet. A line of jobs holds for each a folder,
+# and each a number or null for the fatal step and the length; the answer is how the processes ended.
 JOBS = """
-    import json, os, sys
+    import json, os, sys, traceback
+    from contextlib import suppress
     from itertools import islice
     from pathlib import Path
     from plots import provenance, told, tell, Event
     from tearing import counted
+    from mapgraft.outputs.messages import MessageEncoder
     from mapgraft.outputs.run_folder import RunFolder
 
-    for folder, fatal, length in json.loads(sys.stdin.read()):
-        if os.fork():
-            os.wait()
-            continue
-        reported, writing = os.open(folder + ".told", os.O_WRONLY | os.O_CREAT | os.O_APPEND), 0
+    with suppress(ImportError):
+        import pandas  # pyarrow does where it is there: once is enough
+    MessageEncoder()  # reads what messages look like
+
+    def work(folder, fatal, length):
+        reported = os.open(folder + ".told", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
         with counted(Path(folder), fatal) as steps, RunFolder(Path(folder), "demo", "r1", provenance()) as sink:
             sink.keep("mission.json", str(length).encode())
             for item in islice(told(), length):
@@ -45,25 +53,44 @@ JOBS = """
                 if isinstance(item, Event):
                     os.write(reported, f"{item.seq} {item.kind} {len(steps.kinds)}\\n".encode())
         Path(folder + ".steps").write_text(json.dumps([steps.kinds, steps.names]))
-        os._exit(0)
+
+    for line in sys.stdin:
+        ends = []
+        for job in json.loads(line):
+            if not (child := os.fork()):
+                try:
+                    work(*job)
+                    os._exit(0)
+                except BaseException:
+                    traceback.print_exc()
+                    os._exit(1)
+            ends.append(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+        print(json.dumps(ends), flush=True)
 """
 
+Job = tuple[Path, int | None, int | None]
+Do = Callable[[list[Job]], None]
 
-def do(jobs: list[tuple[Path, int | None, int | None]]) -> None:
+
+@pytest.fixture(scope="module")
+def do() -> Iterator[Do]:
     """Tell the story to folders, and die on the way where a step is named."""
     path = os.pathsep.join([str(TOYS), *filter(None, [os.environ.get("PYTHONPATH")])])
-    given = json.dumps([(str(folder), fatal, length) for folder, fatal, length in jobs])
     command = [sys.executable, "-c", textwrap.dedent(JOBS)]
-    done = subprocess.run(
-        command,
-        check=False,
-        env=os.environ | {"PYTHONPATH": path},
-        input=given,
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, env=os.environ | {"PYTHONPATH": path}, **pipes) as worker:
+
+        def work(jobs: list[Job]) -> None:
+            worker.stdin.write(json.dumps([(str(folder), fatal, length) for folder, fatal, length in jobs]) + "\n")
+            worker.stdin.flush()
+            assert select.select([worker.stdout], [], [], 300)[0], "it hangs"
+            ends = json.loads(worker.stdout.readline())
+            assert ends == [0 if fatal is None else -signal.SIGKILL for _, fatal, _ in jobs]
+
+        try:
+            yield work
+        finally:
+            worker.kill()
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -96,7 +123,7 @@ def readable(folder: Path) -> set[int]:
 
 
 @pytest.fixture(scope="module")
-def stories(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def stories(do: Do, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """``short`` and ``long``: folders of undisturbed runs, and the steps of a long one after a short one, ``both``."""
     folder = tmp_path_factory.mktemp("stories")
     do([(folder / "short", None, BRIEF), (folder / "long", None, None)])
@@ -106,7 +133,7 @@ def stories(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def killed(stories: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def killed(do: Do, stories: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Folders with a finished short run, in which a long one was killed, each in another step."""
     kinds, names = json.loads((stories / "both.steps").read_text())
     journal = next(n for n, name in enumerate(names) if JOURNAL in name)
@@ -140,7 +167,9 @@ def test_the_folder_holds_the_earlier_run_or_the_new_one_whole(
     assert seen == sorted(seen) and 8 < sum(seen) < len(seen) - 6
 
 
-def test_started_again_it_ends_as_if_nothing_had_happened(killed: list[Path], stories: Path, tmp_path: Path) -> None:
+def test_started_again_it_ends_as_if_nothing_had_happened(
+    do: Do, killed: list[Path], stories: Path, tmp_path: Path
+) -> None:
     copies = [Path(shutil.copytree(folder, tmp_path / folder.name)) for folder in killed[::3]]
     do([(copy, None, None) for copy in copies])
     expected = contents(stories / "both")
@@ -150,7 +179,7 @@ def test_started_again_it_ends_as_if_nothing_had_happened(killed: list[Path], st
         assert not list(copy.rglob(f"*{SUFFIX}")), copy.name
 
 
-def test_killed_again_and_again_it_keeps_what_got_farthest(stories: Path, tmp_path: Path) -> None:
+def test_killed_again_and_again_it_keeps_what_got_farthest(do: Do, stories: Path, tmp_path: Path) -> None:
     steps = len(json.loads((stories / "long.steps").read_text())[0])
     out = tmp_path / "out"
     for share in (0.1, 0.5, 0.0):
@@ -163,7 +192,7 @@ def test_killed_again_and_again_it_keeps_what_got_farthest(stories: Path, tmp_pa
 
 
 def test_what_an_unfinished_run_of_other_content_decided_stays_and_is_told(tmp_path: Path) -> None:
-    sink = RunFolder(tmp_path, "demo", "r1", provenance())
+    sink = RunFolder(tmp_path, "demo", "r1", provenance()).open()
     tell(sink, list(told())[:900])
     sink.abort()
     assert (tmp_path / "events/run_id=r1/.part-00000.parquet.partial").exists()
@@ -184,7 +213,7 @@ def test_what_an_unfinished_run_of_other_content_decided_stays_and_is_told(tmp_p
 @pytest.mark.parametrize("rest", [b"", b"\x89MCAP0\r\n", bytes(5000)])
 def test_a_rest_that_tells_nothing_goes(tmp_path: Path, rest: bytes) -> None:
     (tmp_path / f"{MCAP}{SUFFIX}").write_bytes(rest)
-    RunFolder(tmp_path, "demo", "r1", provenance()).finish()
+    RunFolder(tmp_path, "demo", "r1", provenance()).open().finish()
     assert not list(tmp_path.rglob(f"*{SUFFIX}"))
 
 
@@ -204,7 +233,7 @@ def test_a_journal_of_somebody_else_is_refused(tmp_path: Path) -> None:
         with pytest.raises(OutputError, match="is not what a run writes there: remove it"):
             settled(out)
         with pytest.raises(OutputError, match="is not what a run writes there: remove it"):
-            RunFolder(out, "demo", "r1", provenance())
+            RunFolder(out, "demo", "r1", provenance()).open()
     assert victim.read_text() == "mine"
 
 
@@ -279,3 +308,45 @@ def test_a_label_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
     done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=60)
     assert "because the disk or the quota is full: make room and run again" in done.stdout
     assert contents(tmp_path) == before and not list(tmp_path.rglob(f"*{SUFFIX}"))
+
+
+DIES = """
+    import os, sys
+    from pathlib import Path
+    from mapgraft.outputs import parquet_log
+    from mapgraft.outputs.labels import label
+
+    parquet_log.sync = lambda stream: os.kill(os.getpid(), 9)
+    label(Path(sys.argv[1]), "r1", merge_id="a.b.7", receiver="a", donor="b", verdict="right")
+"""
+
+
+def rests(folder: Path) -> list[Path]:
+    return sorted((folder / "labels").rglob(f".*{SUFFIX}"))
+
+
+@pytest.mark.parametrize("next_one", ["label", "run"])
+def test_what_a_killed_writer_of_labels_has_left_goes_and_what_another_one_writes_stays(
+    tmp_path: Path, next_one: str
+) -> None:
+    done = subprocess.run([sys.executable, "-c", textwrap.dedent(DIES), str(tmp_path)], check=False, timeout=60)
+    assert done.returncode == -9 and len(rests(tmp_path)) == 1
+    alive = tmp_path / "labels/run_id=r1" / f".part-00000-alive.parquet{SUFFIX}"
+    with alive.open("wb") as stream:
+        assert claim(alive, stream.fileno())
+        if next_one == "label":
+            label(tmp_path, "r1", merge_id="a.b.1", receiver="a", donor="b", verdict="right")
+        else:
+            RunFolder(tmp_path, "demo", "r1", provenance()).open().finish()
+        assert rests(tmp_path) == [alive]
+    label(tmp_path, "r1", merge_id="a.b.2", receiver="a", donor="b", verdict="right")
+    assert rests(tmp_path) == []
+
+
+def test_a_file_that_is_gone_cannot_be_claimed(tmp_path: Path) -> None:
+    path = tmp_path / "rest"
+    with path.open("wb") as stream:
+        clear([path])  # nobody had claimed it yet
+        assert not path.exists() and not claim(path, stream.fileno())
+        path.touch()  # another one of that name
+        assert not claim(path, stream.fileno())

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import re
+import time
 from collections import defaultdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,8 +21,10 @@ from plots import ALPHA, AT, RESOLUTION_M, START_NS, UNDERSCORE, S, provenance, 
 from rosbags.highlevel import AnyReader
 from ruamel.yaml import YAML
 
+from mapgraft.config import LimitsConfig
 from mapgraft.contracts import Observation, OutputMessage, Scan, Transform
 from mapgraft.events import Event, Snapshot
+from mapgraft.guard import Guard
 from mapgraft.outputs.event_message import event_of, sentence
 from mapgraft.outputs.read_back import read_events
 from mapgraft.outputs.run_folder import RunFolder
@@ -294,3 +298,59 @@ def test_a_map_type_that_shows_nonsense_is_named_and_what_was_decided_stays(
         "map type 'misspelt' cannot be shown: " in said and "has no field cells" in said for said in sink.unshown
     )
     assert [e.seq for e in read_events(tmp_path / "out/demo.merge.mcap")] == [merged.seq]
+
+
+class Sleeping:
+    """A map type that never comes back: from its messages, from its files, or from both."""
+
+    name = "sleeping"
+
+    def __init__(self, *slow: str) -> None:
+        self.slow, self.asked = slow, list[str]()
+
+    def messages(self, map_: object) -> list[OutputMessage]:
+        self._take_time("messages")
+        return []
+
+    def files(self, map_: object, stem: str) -> dict[str, bytes]:
+        self._take_time("files")
+        return {}
+
+    def _take_time(self, method: str) -> None:
+        self.asked.append(method)
+        until = time.monotonic() + 60.0
+        while method in self.slow and time.monotonic() < until:
+            pass
+
+
+@pytest.mark.parametrize("slow", [("messages",), ("files",), ("messages", "files")])
+def test_a_map_type_that_never_comes_back_is_left_out_and_the_recording_is_whole(
+    tmp_path: Path, events: list[Event], slow: tuple[str, ...]
+) -> None:
+    guard, sleeping = Guard(LimitsConfig(plugin_s=0.05)), Sleeping(*slow)
+    snapshot = next(item for item in told() if isinstance(item, Snapshot))
+    hanging = dataclasses.replace(snapshot, map_type=sleeping, why="end")
+    merged = next(e for e in events if e.kind == "merged")
+    with guard.armed(), RunFolder(tmp_path / "out", "demo", "r1", provenance(), guard=guard) as sink:
+        sink.happened(merged)
+        sink.mapped(hanging)
+        sink.mapped(hanging)
+    assert [sleeping.asked.count(method) for method in slow] == [1] + [0] * (len(slow) - 1), "not again"
+    assert any(
+        "the map type 'sleeping' took longer than 0.05 s: raise limits.plugin_s" in said for said in sink.unshown
+    )
+    assert [e.seq for e in read_events(tmp_path / "out/demo.merge.mcap")] == [merged.seq]
+
+
+def test_a_map_type_that_fails_to_show_a_map_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> list[OutputMessage]:
+        raise ZeroDivisionError("boom")
+
+    monkeypatch.setattr(Misspelt, "messages", broken)
+    snapshot = next(item for item in told() if isinstance(item, Snapshot))
+    with RunFolder(tmp_path / "out", "demo", "r1", provenance()) as sink:
+        sink.mapped(dataclasses.replace(snapshot, map_type=Misspelt()))
+    said = (
+        f"the map on /{ROS[snapshot.robot]} could not be shown: the map type 'misspelt' failed: ZeroDivisionError: boom"
+    )
+    assert said in sink.unshown

@@ -109,7 +109,7 @@ def test_a_second_writing_of_a_run_leaves_one_part_and_keeps_its_labels(tmp_path
 
 
 def test_a_run_without_anything_is_a_folder_too(tmp_path: Path) -> None:
-    RunFolder(tmp_path, "demo", "r1", provenance()).finish()
+    RunFolder(tmp_path, "demo", "r1", provenance()).open().finish()
     assert read_events(tmp_path / MCAP) == []
     assert pq.read_table(next((tmp_path / "events/run_id=r1").glob("*.parquet")), partitioning=None).num_rows == 0
 
@@ -122,7 +122,7 @@ def test_a_null_sink_takes_everything() -> None:
 
 
 def test_an_abort_leaves_whole_partial_files_with_every_event(tmp_path: Path, events: list[Event]) -> None:
-    sink = RunFolder(tmp_path, "demo", "r1", provenance())
+    sink = RunFolder(tmp_path, "demo", "r1", provenance()).open()
     tell(sink, told())
     sink.abort()
     sink.abort()
@@ -150,7 +150,7 @@ KILLED = """
     from plots import provenance, told, Event, Observation
     from mapgraft.outputs.run_folder import RunFolder
 
-    sink = RunFolder(Path(sys.argv[1]), "demo", "r1", provenance())
+    sink = RunFolder(Path(sys.argv[1]), "demo", "r1", provenance()).open()
     for item in told():
         if isinstance(item, Observation):
             sink.observed(item)
@@ -186,7 +186,7 @@ FULL = """
     from mapgraft.errors import OutputError
     from mapgraft.outputs.run_folder import RunFolder
 
-    sink = RunFolder(Path(sys.argv[1]), "demo", "r1", provenance())
+    sink = RunFolder(Path(sys.argv[1]), "demo", "r1", provenance()).open()
     decided = -1
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), -1))
     try:
@@ -225,7 +225,7 @@ READ_ONLY = """
         os.setuid(65534)  # root may write anywhere
     for out in (Path(sys.argv[1]), Path(sys.argv[1]) / "new"):
         try:
-            RunFolder(out, "demo", "r1", provenance())
+            RunFolder(out, "demo", "r1", provenance()).open()
         except OutputError as error:
             print(error)
 """
@@ -247,14 +247,14 @@ def test_a_file_in_the_way_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("a file")
     for folder in (tmp_path / "out", tmp_path / "out" / "below"):
         with pytest.raises(OutputError, match="a file or folder of that name is in the way"):
-            RunFolder(folder, "demo", "r1", provenance())
+            RunFolder(folder, "demo", "r1", provenance()).open()
     assert (tmp_path / "out").read_text() == "a file"
 
 
 def test_two_runs_do_not_write_one_folder_at_once(tmp_path: Path) -> None:
     with RunFolder(tmp_path, "demo", "r1", provenance()) as sink:
         with pytest.raises(OutputError, match="is being written by another run"):
-            RunFolder(tmp_path, "other", "r2", provenance())
+            RunFolder(tmp_path, "other", "r2", provenance()).open()
         tell(sink, told())
     with RunFolder(tmp_path, "other", "r2", provenance()):
         pass
@@ -263,11 +263,11 @@ def test_two_runs_do_not_write_one_folder_at_once(tmp_path: Path) -> None:
 def test_run_ids_that_readers_take_for_numbers_are_refused(tmp_path: Path) -> None:
     for run_id in ("", "12", "1e5", "r/1", "r 1", "é1"):
         with pytest.raises(OutputError, match="a run id is a letter and then"):
-            RunFolder(tmp_path / "out", "demo", run_id, provenance())
+            RunFolder(tmp_path / "out", "demo", run_id, provenance()).open()
 
 
 def test_a_closed_folder_takes_no_more(tmp_path: Path, events: list[Event]) -> None:
-    sink = RunFolder(tmp_path, "demo", "r1", provenance())
+    sink = RunFolder(tmp_path, "demo", "r1", provenance()).open()
     sink.finish()
     with pytest.raises(OutputError, match="is closed or has failed before"):
         sink.happened(next(e for e in events if e.kind == "merged"))
@@ -299,6 +299,6 @@ def test_waiting_things_are_bounded_and_payloads_are_let_go(tmp_path: Path) -> N
 def test_a_folder_that_holds_an_experiment_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / EXPERIMENT).write_text("{}")
     with pytest.raises(OutputError, match="holds an experiment: choose another folder"):
-        RunFolder(tmp_path, "demo", "r1", provenance())
+        RunFolder(tmp_path, "demo", "r1", provenance()).open()
     assert [path.name for path in tmp_path.iterdir()] == [EXPERIMENT]
     require_kind(tmp_path, EXPERIMENT)

@@ -68,6 +68,7 @@ def test_wishes_are_no_poses():
 def test_stems_and_robot_names():
     assert stem(PurePath("a/intel-corrected.log.gz")) == "intel-corrected"
     assert stem(PurePath("a/run.mcap")) == "run"
+    assert stem(PurePath("a/run.bag.active")) == "run"
     assert stem(PurePath("a/rosbag2_2024")) == "rosbag2_2024"
     for text in ("a b/c", "ü", "..", "", "x" * 300, "r@day.1"):
         assert check_robot_name(robot_name(text))

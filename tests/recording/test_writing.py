@@ -13,6 +13,7 @@ from rosbags.highlevel import AnyReader
 
 from mapgraft.contracts.sources import ScanMessage
 from mapgraft.errors import OutputError, RecordingError, UsageError
+from mapgraft.recording.containers.limits import ReadLimits
 from mapgraft.recording.containers.opening import open_source
 from mapgraft.recording.decoding.poses import poses_of
 from mapgraft.recording.decoding.records import planar_record
@@ -88,7 +89,7 @@ def test_a_carmen_log(tmp_path: Path, log: Path) -> None:
         ("/tf", "tf2_msgs/msg/TFMessage", 2),
         ("/tf_static", "tf2_msgs/msg/TFMessage", 1),
     ]
-    assert {fault.cause: fault.count for fault in report.faults} == {"message_unconvertible": 1}
+    assert {fault.cause: fault.count for _, fault in report.faults} == {"message_unconvertible": 1}
     assert "/scan (sensor_msgs/msg/LaserScan): 1" in str(report)
     rows = read_by_rosbags(out)
     assert Counter(topic for topic, _, _ in rows) == {row.topic: row.count for row in report.written}
@@ -126,6 +127,16 @@ def test_equal_inputs_give_equal_bytes(tmp_path: Path, log: Path) -> None:
     ]
 
 
+def test_where_no_message_is_left_no_file_is_made(tmp_path: Path, write_mcap: Any, ros2_scans: Any) -> None:
+    path = write_mcap([[ros2_scans.sample(1, "/two")]])
+    (out := tmp_path / "out.mcap").write_bytes(b"an earlier one")
+    sentence = r"nothing in .* can be converted to ROS 2: no message is left; recording\.mcap: the chunk at .*limits"
+    with pytest.raises(RecordingError, match=sentence):
+        convert([path], out, limits=ReadLimits(chunk_bytes=10))
+    assert out.read_bytes() == b"an earlier one"
+    assert not list(tmp_path.glob(".*"))
+
+
 def test_robots_with_equal_topics_stay_apart(tmp_path: Path, log: Path) -> None:
     other = tmp_path / "2nd floor.log"
     other.write_text(LOG)
@@ -142,8 +153,8 @@ def test_robots_with_equal_topics_stay_apart(tmp_path: Path, log: Path) -> None:
         "/kitchen_2/scan_rear_laser",
         "/slam/trajectory",
     ]
-    assert {fault.cause: fault.count for fault in report.faults if fault.topic == "trajectory"} == {
-        "stamp_backward": 1,
+    assert {fault.cause: fault.count for _, fault in report.faults if fault.topic == "trajectory"} == {
+        "lines_out_of_order": 1,
         "message_unconvertible": 1,
     }
     log_times = [log_ns for _, log_ns, _ in read_by_rosbags(tmp_path / "out.mcap")]
@@ -162,7 +173,8 @@ def test_what_cannot_be_told_in_ros_2_is_left_out_and_counted(
     assert (left_out.file, left_out.topic, left_out.count) == ("recording.mcap", "/json", 1)
     assert left_out.reason == "json messages are not converted"
     assert "left out of recording.mcap: /json (x), 1 message(s): json messages are not converted" in str(report)
-    assert {fault.cause for fault in report.faults} == {"message_unconvertible"}
+    assert {fault.cause for _, fault in report.faults} == {"message_unconvertible"}
+    assert "\n  recording.mcap: /one: " in str(report)
     both = list(open_source(tmp_path / "out.mcap").scans())
     originals = list(open_source(path).scans())[:2]
     for new, old in zip(both, originals, strict=True):

@@ -14,6 +14,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.ndimage import binary_dilation
 
 from mapgraft.outputs.messages import MessageEncoder
+from mapgraft.outputs.report import rasters
 from mapgraft.outputs.report.paintings import difference_picture, fused_picture, near
 from mapgraft.outputs.report.rasters import FREE, OCCUPIED, UNKNOWN, Canvas, Raster, drawable_of, raster_of
 from mapgraft.outputs.report.scenes import Look
@@ -148,6 +149,17 @@ def test_walls_survive_coarser_cells(cells: np.ndarray) -> None:
     for row, column in np.argwhere(cells == OCCUPIED).tolist():
         at = [math.floor((0.05 * (n + 0.5) - low) / 0.15) for n, low in ((row, canvas.y_m), (column, canvas.x_m))]
         assert drawn[tuple(at)] == OCCUPIED
+
+
+@given(CELLS)
+def test_a_large_map_is_drawn_a_few_rows_at_a_time_as_if_at_once(cells: np.ndarray) -> None:
+    fine, coarse = Raster(cells, 0.0, 0.0, 0.05), Raster(np.ones((3, 3), np.uint8), 0.0, 0.0, 0.15)
+    canvas = Canvas.around(coarse, fine)
+    assert canvas is not None
+    with pytest.MonkeyPatch.context() as patch:
+        at_once = canvas.cells_of(fine)
+        patch.setattr(rasters, "_CELLS_AT_ONCE", 10)
+        assert (canvas.cells_of(fine) == at_once).all()
 
 
 @given(CELLS, CELLS)

@@ -119,7 +119,7 @@ def test_folders_without_a_run_are_told_apart(folder: Path, tmp_path: Path, caps
     (tmp_path / "empty").mkdir()
     assert "is not the folder of a run: it has no summary.json" in said(tmp_path / "empty")
     (tmp_path / "empty" / "demo.merge.mcap.partial").touch()
-    assert "is not finished (demo.merge.mcap.partial was left behind): run it again" in said(tmp_path / "empty")
+    assert "is not finished (demo.merge.mcap.partial is there): wait for it, or" in said(tmp_path / "empty")
     for name in ("demo.merge.mcap", "mission.json", "events"):
         broken = tmp_path / name
         shutil.copytree(folder, broken)

@@ -12,6 +12,7 @@ from mapgraft.console import cell, print_json, remarks, results
 from mapgraft.decision import build_table
 from mapgraft.errors import UsageError
 from mapgraft.evaluation.tables import wide
+from mapgraft.guard import Guard
 from mapgraft.job import as_config
 from mapgraft.matching.document import document
 from mapgraft.matching.folder import write_folder
@@ -52,11 +53,12 @@ def match_and_show(
     config = as_config(asked.config)
     pairer = pairer_of(plugins, config, asked)
     shelf = Shelf(plugins, config, pairer.workshop)
-    a, b = (shelf.read(path, given) for path, given in zip(maps, options_of(shelf, maps, asked), strict=True))
-    for map_ in dict.fromkeys((a, b)):
-        print_remarks(map_)
-    pairing = pairer.pair(a, b)
-    files = write_folder(out, pairing, pairer.workshop) if out is not None else []
+    with pairer.workshop.guard.armed():
+        a, b = (shelf.read(path, given) for path, given in zip(maps, options_of(shelf, maps, asked), strict=True))
+        for map_ in dict.fromkeys((a, b)):
+            print_remarks(map_)
+        pairing = pairer.pair(a, b)
+        files = write_folder(out, pairing, pairer.workshop) if out is not None else []
     if as_json:
         times = {"match_s": pairing.match_s, "elapsed_s": pairing.elapsed_s}
         print_json({**document(pairing), **times, "files": files})
@@ -75,7 +77,7 @@ def print_remarks(map_: ReadyMap) -> None:
 def pairer_of(plugins: Plugins, config: Config, asked: Asked) -> Pairer:
     """What matches by the rules asked for; raises UsageError when they cannot be used."""
     table = substituted(build_table(plugins, asked.rules or config.rules), plugins, matcher=asked.matcher)
-    workshop = Workshop(plugins)
+    workshop = Workshop(plugins, guard=Guard(config.limits))
     workshop.prepare(table)
     return Pairer(workshop, table)
 

@@ -65,7 +65,8 @@ def judge_and_show(lists: Lists, asked: Asked, out: Path | None, *, as_json: boo
         return map_
 
     console = remarks()
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+    bar = Progress(console=console, transient=True, disable=not console.is_terminal)
+    with bar, pairer.workshop.guard.armed():
         task = bar.add_task("matching", total=len(pairs))
         judged, left = judge(pairs, listed, read, pairer, lists.right_px, lambda: bar.advance(task))
     summary, times = summed_up(judged)

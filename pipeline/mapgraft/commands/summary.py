@@ -30,7 +30,7 @@ def print_summary(result: Result) -> None:
     else:
         reverted = sum(event.kind == "reverted" for event in result.events)
         console.print(f"{standing} merge{'s' * (standing != 1)} standing, {reverted} reverted.")
-    for sentence in (*result.remarks, *result.lost):
+    for sentence in (*result.remarks, *result.failed, *result.lost):
         console.print(cell(sentence), style="yellow")
     for finding in result.ledgers:
         style = "green" if finding.sound else "red"
@@ -50,6 +50,7 @@ def as_json_summary(result: Result) -> dict[str, Any]:
         "observations": result.observations,
         "lost": list(result.lost),
         "remarks": list(result.remarks),
+        "failed": list(result.failed),
         "ledgers": [dataclasses.asdict(finding) for finding in result.ledgers],
         "events": dict(Counter(event.kind for event in result.events)),
         "merges": [_as_json(events) for events in _merges(result.events)],
@@ -119,6 +120,8 @@ def _why_not(events: Sequence[Event]) -> str:
         if found:
             last = found[-1]
             return f"Last {kind}: {last.receiver} ← {last.donor}, {last.reason}."
+    if any(event.kind == "failed" for event in events):
+        return "No attempt came to its end, because plugins failed."
     return "No robot met another: with one robot, or no exchange, there is nothing to merge."
 
 

@@ -31,6 +31,12 @@ class RunParts:
             self._staging = Staging(folder)
             self._log = ParquetLog(self._staging, run_id)
 
+    def open(self) -> Self:
+        return self
+
+    def write_maps(self) -> None:
+        pass
+
     def observed(self, observation: Observation) -> None:
         pass
 

@@ -31,7 +31,8 @@ def write_folder(out: Path, pairing: Pairing, workshop: Workshop) -> list[str]:
 
     Returns the names of the files. Raises OutputError when the folder cannot be written.
     """
-    files = _files(pairing, workshop)
+    with workshop.guard.calling("map type", pairing.a.map_type.name):
+        files = _files(pairing, workshop)
     with locked(out), writing(out):
         earlier, staging = _listed(out / DOCUMENT), Staging(out)
         for name, content in files.items():

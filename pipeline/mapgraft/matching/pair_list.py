@@ -17,6 +17,7 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 from mapgraft.config import path_of, text_of
 from mapgraft.errors import UsageError
 from mapgraft.matching.pixels import Similarity
+from mapgraft.recording.naming import real_path
 
 Side = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Pixel = tuple[float, float]
@@ -136,7 +137,7 @@ class PairList:
         where: str,
         form: str | None = None,
     ) -> MapFile:
-        file = MapFile(path.resolve(), resolution_m, origin, form)
+        file = MapFile(real_path(path), resolution_m, origin, form)
         before = self.files.get(file.path)
         if before is None:
             self.files[file.path] = file

@@ -84,7 +84,7 @@ class Pairer:
             attempt.verdict,
             attempt.reason,
             _hypotheses(witness, attempt),
-            _merged(a, attempt) if fuse else None,
+            self._merged(a, attempt) if fuse else None,
             sum(witness.match_s),
             elapsed_s,
         )
@@ -99,15 +99,15 @@ class Pairer:
             known = self._attempts[id(a)] = (a, Attempts(self.workshop, a.map_type, a.ledger))
         return known[1]
 
-
-def _merged(a: ReadyMap, attempt: Attempt) -> Map | None:
-    """The receiver's map with the donor's in it; its ledger is as before when this returns."""
-    if attempt.grafted is None:
-        return None
-    a.ledger.merge(MERGE_ID, attempt.grafted.contribution)
-    fused = a.ledger.fused()
-    a.ledger.revert(MERGE_ID)
-    return fused
+    def _merged(self, a: ReadyMap, attempt: Attempt) -> Map | None:
+        """The receiver's map with the donor's in it; its ledger is as before when this returns."""
+        if attempt.grafted is None:
+            return None
+        with self.workshop.guard.calling("map type", a.map_type.name):
+            a.ledger.merge(MERGE_ID, attempt.grafted.contribution)
+            fused = a.ledger.fused()
+            a.ledger.revert(MERGE_ID)
+        return fused
 
 
 def _hypotheses(witness: Witness, attempt: Attempt) -> tuple[Hypothesis, ...]:

@@ -13,6 +13,7 @@ from mapgraft.contracts import Layer, Map, MapError, MapMetadata, MapType, Obser
 from mapgraft.matching.pixels import Frame, frame_of
 from mapgraft.plugins import Plugins
 from mapgraft.procedures import Workshop
+from mapgraft.recording.naming import real_path
 from mapgraft.recording.robots.library import Library
 from mapgraft.reversal import Ledger
 
@@ -60,7 +61,7 @@ class Shelf:
     _read: dict[tuple[Path, str], ReadyMap] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._library = Library(self.plugins, self.config.mission.typestore)
+        self._library = Library(self.plugins, self.config.mission.typestore, self.config.limits, self.workshop.guard)
 
     def takes(self, path: Path, option: str, form: str | None = None) -> bool:
         """Whether the format of a file, or the one that is named, has that option; MapError when no format reads it."""
@@ -71,9 +72,9 @@ class Shelf:
         """The map in a file; ``options`` go before the configured ones.
 
         Raises MapError when the file is missing, cannot be read, or holds nothing that could be matched, ConfigError
-        when an option is missing or impossible.
+        when an option is missing or impossible, FailedPluginError when a plugin fails.
         """
-        key = (path.resolve(), repr(sorted(options.items())))
+        key = (real_path(path), repr(sorted(options.items())))
         if key not in self._read:
             self._read[key] = self._made(path, options)
         return self._read[key]
@@ -85,11 +86,12 @@ class Shelf:
         form = str(told[FORMAT]) if FORMAT in told and path.is_file() else self._format_of(path)
         kind, payload = self._library.read_map(path, told, remarks.append)
         map_type = map_type_of(name, [kind], self.config, self.workshop)
-        ledger = Ledger(map_type)
-        ledger.observe(Observation(name, 0, 0, path.name, kind, payload, _NOBODY, _NOBODY))
-        _require_content(path, map_type, ledger.own())
+        with self.workshop.guard.calling("map type", map_type.name):
+            ledger = Ledger(map_type)
+            ledger.observe(Observation(name, 0, 0, path.name, kind, payload, _NOBODY, _NOBODY))
+            _require_content(path, map_type, ledger.own())
+            metadata = map_type.metadata(ledger.offered_layer())
         image = frame_of(payload)
-        metadata = map_type.metadata(ledger.offered_layer())
         return ReadyMap(name, path, form, map_type, ledger, metadata, image, tuple(remarks))
 
     def _format_of(self, path: Path) -> str:

@@ -9,9 +9,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from mapgraft.contracts import Map, MapType
-from mapgraft.errors import PluginError
+from mapgraft.contracts import Map
+from mapgraft.errors import MapError, PluginError
 from mapgraft.events import Event, Snapshot
+from mapgraft.outputs.asking import Asking
 from mapgraft.outputs.names import Names
 from mapgraft.outputs.poses import Path
 from mapgraft.outputs.staging import Staging, sync
@@ -93,21 +94,22 @@ def map_files(
     together: Sequence[Component],
     names: Names,
     unshown: dict[str, str] | None = None,
+    asking: Asking | None = None,
 ) -> dict[str, bytes]:
     """``maps/<robot>.*`` (own) and ``maps/<component>.merged.*`` (fused): name → content.
 
     ``snapshots`` holds the last one of every robot. A map that knows nothing gives no file. Where ``unshown`` is given,
     a map that its type cannot write is left out, and why goes there by the name of the file.
     """
-    out: dict[str, bytes] = {}
+    asking, out = asking or Asking(), dict[str, bytes]()
     for robot, snapshot in sorted(snapshots.items()):
         if snapshot.own.known():
-            out |= _files_of(snapshot.map_type, snapshot.own, names[robot], unshown)
+            out |= _files_of(snapshot, snapshot.own, names[robot], unshown, asking)
     for component in together:
         last = snapshots.get(component.map_of)
         if last is not None and last.fused.known():
             stem = f"{names[component.name]}.merged"
-            out |= _files_of(last.map_type, last.fused, stem, unshown)
+            out |= _files_of(last, last.fused, stem, unshown, asking)
     return out
 
 
@@ -157,13 +159,16 @@ def json_bytes(document: Mapping[str, Any]) -> bytes:
     return (json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
-def _files_of(map_type: MapType, map_: Map, stem: str, unshown: dict[str, str] | None) -> dict[str, bytes]:
+def _files_of(
+    snapshot: Snapshot, map_: Map, stem: str, unshown: dict[str, str] | None, asking: Asking
+) -> dict[str, bytes]:
+    map_type = snapshot.map_type
     try:
-        return _in_maps(map_type.files(map_, stem), stem)
-    except Exception as error:  # too large to write, or a stranger's code
+        return asking.ask(snapshot.robot, map_type, lambda: _in_maps(map_type.files(map_, stem), stem))
+    except (MapError, PluginError) as error:  # too large to write, or a stranger's code
         if unshown is None:
             raise
-        unshown[stem] = f"the map {stem} could not be written: {error or type(error).__name__}"
+        unshown[stem] = f"the map {stem} could not be written: {error}"
         return {}
 
 

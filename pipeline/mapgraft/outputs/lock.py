@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import fcntl
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 from mapgraft.errors import OutputError
 from mapgraft.outputs.staging import JOURNAL, settle, writing
@@ -24,23 +24,35 @@ def require_kind(out: Path, kind: str) -> None:
             raise OutputError(f"{out} holds {what}: choose another folder")
 
 
-def lock(out: Path) -> int:
-    """An open descriptor that holds the folder's lock; closing it, or dying, gives it back.
+class FolderLock:
+    """The lock of one folder; dying gives it back, too."""
 
-    What a killed process had begun to publish is published first. Raises OutputError when somebody else holds the lock,
-    OSError when the folder cannot be written.
-    """
-    descriptor = os.open(out / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        settle(out)
-    except BlockingIOError:
-        os.close(descriptor)
-        raise OutputError(f"{out} is being written by another run: wait for it or choose another folder") from None
-    except BaseException:
-        os.close(descriptor)
-        raise
-    return descriptor
+    def __init__(self, out: Path) -> None:
+        self._out = out
+        self._held: BinaryIO | None = None
+
+    def take(self) -> None:
+        """What a killed process had begun to publish is published first.
+
+        Raises OutputError when somebody else holds the lock, OSError when the folder cannot be written; then, and when
+        anything else comes through, nothing is held.
+        """
+        try:
+            self._held = (self._out / LOCK).open("ab")
+            fcntl.flock(self._held.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+            settle(self._out)
+        except BlockingIOError:
+            self.give_back()
+            said = f"{self._out} is being written by another run: wait for it or choose another folder"
+            raise OutputError(said) from None
+        except BaseException:
+            self.give_back()
+            raise
+
+    def give_back(self) -> None:
+        """Does nothing where it is not held."""
+        if self._held is not None:
+            self._held.close()
 
 
 @contextmanager
@@ -49,13 +61,14 @@ def locked(out: Path) -> Iterator[None]:
 
     Raises OutputError when it cannot be written, or when somebody else is writing it.
     """
-    with writing(out):
-        out.mkdir(parents=True, exist_ok=True)
-        descriptor = lock(out)
+    held = FolderLock(out)
     try:
+        with writing(out):
+            out.mkdir(parents=True, exist_ok=True)
+            held.take()
         yield
     finally:
-        os.close(descriptor)
+        held.give_back()
 
 
 def settled(out: Path) -> None:

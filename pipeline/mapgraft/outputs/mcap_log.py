@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import repeat
 from operator import itemgetter
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from mapgraft.contracts import Finding, Map, MapType, Observation, Transform
-from mapgraft.errors import PluginError
-from mapgraft.events import Event, Snapshot
+from mapgraft.contracts import Finding, Observation, OutputMessage, Transform
+from mapgraft.errors import MapError, PluginError
+from mapgraft.events import DonorMap, Event, Snapshot
+from mapgraft.outputs.asking import Asking
 from mapgraft.outputs.event_message import encode_event, encode_log
 from mapgraft.outputs.findings import TOPIC as FINDINGS_TOPIC
 from mapgraft.outputs.findings import finding_markers
@@ -30,6 +32,7 @@ from mapgraft.outputs.standing import StandingMerge
 from mapgraft.outputs.tf import TF_TYPE, FramePair, pose_numbers
 from mapgraft_schemas import VERSION, viewer_layout
 
+T = TypeVar("T")
 WORLD = "world"
 EVENTS, LOG, LINKS, TF, TF_STATIC = "/merge/events", "/rosout", "/merge/links", "/tf", "/tf_static"
 RUN_RECORD = "merge_run"  # the metadata record that says which run it is
@@ -46,8 +49,8 @@ class McapLog:
     does not fit. A map that its type cannot show is left out, and ``unshown`` says why.
     """
 
-    def __init__(self, stream: BinaryIO, run_id: str, provenance: RunProvenance) -> None:
-        self._stream = stream
+    def __init__(self, stream: BinaryIO, run_id: str, provenance: RunProvenance, asking: Asking | None = None) -> None:
+        self._stream, self._asking = stream, asking or Asking()
         self._encoder = MessageEncoder()
         self._names = ros_names()
         self._schemas: dict[str, int] = {}
@@ -65,7 +68,7 @@ class McapLog:
         self._writer.add_metadata("merge_schema", {"version": VERSION})
         self._attach("config.yaml", "application/yaml", provenance.config_text)
         self._attach("decision_table.yaml", "application/yaml", provenance.decision_table_text)
-        self.durable = 0  # bytes of the stream that are on disk and end with a whole record
+        self.durable, self.ended = 0, False  # bytes on disk that end with a whole record; whether that is the last one
         self.flush()
 
     def went_on(self, paths: Sequence[Path], events: Sequence[tuple[int, Event]] = ()) -> None:
@@ -128,12 +131,11 @@ class McapLog:
     def mapped(self, snapshot: Snapshot) -> None:
         """A robot's own map on ``/<robot>/…``, its fused map on ``/<robot>/merged/…`` and what it has of others on
         ``/<robot>/donors/<donor>/…``, each where it has changed."""
-        name, stamp_ns = self._names[snapshot.robot], snapshot.stamp_ns
+        name = self._names[snapshot.robot]
         for prefix, map_ in ((f"/{name}", snapshot.own), (f"/{name}/merged", snapshot.fused)):
-            self._map(prefix, f"{name}/map", stamp_ns, snapshot.map_type, map_)
+            self._map(snapshot, prefix, DonorMap(snapshot.map_type, map_))
         for donor, placed in snapshot.donors.items():
-            prefix = f"/{name}/donors/{self._names[donor]}"
-            self._map(prefix, f"{name}/map", stamp_ns, placed.map_type, placed.map, visible=False)
+            self._map(snapshot, f"/{name}/donors/{self._names[donor]}", placed, visible=False)
 
     def flush(self) -> None:
         """Everything said so far is on disk when this returns."""
@@ -155,24 +157,29 @@ class McapLog:
         self._attach("layout.json", "application/json", layout)
         self._writer.finish()
         sync(self._stream)
-        self.durable = self._stream.tell()
+        self.durable, self.ended = self._stream.tell(), True
         return layout.encode()
 
-    def _map(
-        self, prefix: str, frame_id: str, stamp_ns: int, map_type: MapType, map_: Map, visible: bool = True
-    ) -> None:
-        try:
-            messages = list(map_type.messages(map_))
-        except Exception as error:  # too large to show, or a stranger's code
-            self.unshown.setdefault(prefix, f"the map on {prefix} could not be shown: {error or type(error).__name__}")
-            return
-        for message in messages:
-            topic = f"{prefix}/{message.suffix}"
+    def _map(self, snapshot: Snapshot, prefix: str, shown: DonorMap, visible: bool = True) -> None:
+        stamp_ns, frame_id = snapshot.stamp_ns, f"{self._names[snapshot.robot]}/map"
+        map_type, map_ = shown.map_type, shown.map
+
+        def ask(call: Callable[[], T]) -> T | None:
             try:
-                data = self._encoder.encode(message.message_type, message.fields, stamp_ns, frame_id)
+                return self._asking.ask(snapshot.robot, map_type, call)
+            except (MapError, PluginError) as error:  # too large to show, or a stranger's code
+                self.unshown.setdefault(prefix, f"the map on {prefix} could not be shown: {error}")
+                return None
+
+        def encoded(message: OutputMessage) -> bytes:
+            try:
+                return self._encoder.encode(message.message_type, message.fields, stamp_ns, frame_id)
             except PluginError as error:
-                why = f"the map type {map_type.name!r} cannot be shown: {error}"
-                self.unshown.setdefault(prefix, f"the map on {prefix} could not be shown: {why}")
+                raise PluginError(f"cannot be shown: {error}") from error
+
+        for message in ask(lambda: list(map_type.messages(map_))) or ():
+            topic, data = f"{prefix}/{message.suffix}", ask(partial(encoded, message))
+            if data is None:
                 continue
             body = bytearray(data)
             if self._encoder.begins_with_header(message.message_type):

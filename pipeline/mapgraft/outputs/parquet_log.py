@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -12,8 +13,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from mapgraft.events import Event, Snapshot
+from mapgraft.outputs.claims import claim, clear
 from mapgraft.outputs.provenance import InputFile
-from mapgraft.outputs.staging import Staging, sha256_of, sync, writing
+from mapgraft.outputs.staging import SUFFIX, Staging, close_quietly, sha256_of, sync, writing
 from mapgraft.outputs.tables import Row, events_table, metrics_table, recordings_table, rows_table, snapshot_row
 from mapgraft_schemas import arrow_schema, table
 
@@ -45,22 +47,26 @@ class PartWriter:
         self._group_rows, self._digits = group_rows, digits
         self._folder, self._staging = f"{name}/run_id={run_id}", staging
         self._name = f"{self._folder}/{UNTITLED.replace('.parquet', f'{writer}.parquet')}"
-        self._stream = staging.create(self._name)
+        self._waiting: list[pa.Table] = []
+        self._rows = self._bytes = 0
         schema = arrow_schema(name)  # run_id is told by the folder; as a column it would clash with the partition
         self._schema = schema.with_metadata({**schema.metadata, "run_id": run_id})
         columns = [column.name for column in table(name).columns]
-        self._writer = pq.ParquetWriter(
-            self._stream,
-            self._schema,
-            version="2.6",
-            compression="zstd",
-            compression_level=3,
-            use_dictionary=[c.name for c in table(name).columns if c.type == "dictionary<string>"],
-            write_page_index=True,
-            sorting_columns=[pq.SortingColumn(columns.index(column)) for column in table(name).sorted_by],
-        )
-        self._waiting: list[pa.Table] = []
-        self._rows = self._bytes = 0
+        self._stream = staging.create(self._name)
+        try:
+            self._writer = pq.ParquetWriter(
+                self._stream,
+                self._schema,
+                version="2.6",
+                compression="zstd",
+                compression_level=3,
+                use_dictionary=[c.name for c in table(name).columns if c.type == "dictionary<string>"],
+                write_page_index=True,
+                sorting_columns=[pq.SortingColumn(columns.index(column)) for column in table(name).sorted_by],
+            )
+        except BaseException:
+            close_quietly(self._stream)
+            raise
 
     def append(self, rows: pa.Table) -> None:
         """Take rows of the table's schema; writes a row group when enough have come together."""
@@ -80,12 +86,23 @@ class PartWriter:
         digest = sha256_of(self._staging.partial(self._name))
         self._staging.call(self._name, f"{self._folder}/part-00000-{digest[: self._digits]}.parquet")
 
+    def claimed(self) -> int | None:
+        """A descriptor that, until it is closed, tells others that somebody writes this part; None where it is gone."""
+        descriptor = os.dup(self._stream.fileno())
+        try:
+            if claim(self._staging.partial(self._name), descriptor):
+                return descriptor
+        except BaseException:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)
+        return None
+
     def abandon(self) -> None:
         """Let go of a part that could not be written."""
         with suppress(OSError):
             self._writer.close()
-        with suppress(OSError):
-            self._stream.close()
+        close_quietly(self._stream)
 
     def _write_group(self) -> None:
         rows = pa.concat_tables(self._waiting).unify_dictionaries().combine_chunks()
@@ -99,11 +116,17 @@ class ParquetLog:
 
     def __init__(self, staging: Staging, run_id: str) -> None:
         self._staging, self._run_id = staging, run_id
-        self._parts = {name: PartWriter(staging, name, run_id) for name in WRITTEN}
         self._events: list[Event] = []
         self._timings: list[Row] = []
         self._digests: set[str] = set()
         self._snapshots = 0
+        self._parts: dict[str, PartWriter] = {}
+        try:
+            for name in WRITTEN:
+                self._parts[name] = PartWriter(staging, name, run_id)
+        except BaseException:
+            self.abandon()
+            raise
 
     def happened(self, event: Event) -> None:
         self._events.append(event)
@@ -145,22 +168,42 @@ def write_rows(out: Path, name: str, run_id: str, rows: pa.Table) -> str:
     """Append a part to a table of an output folder, atomically; returns its name, relative to the folder.
 
     For rows that people add after a run (``labels``), also several at once: nobody waits for anybody, nobody's part is
-    replaced. The same rows written twice are one part. ``rows`` are cast to the table's schema and sorted as it says.
-    Raises OutputError when the folder cannot be written, ValueError when the rows do not fit the schema.
+    replaced. What writers that were killed have left goes. The same rows written twice are one part. ``rows`` are cast
+    to the table's schema and sorted as it says. Raises OutputError when the folder cannot be written, ValueError when
+    the rows do not fit the schema.
     """
     keys = [(column, "ascending") for column in table(name).sorted_by]
     fitting = rows.cast(arrow_schema(name)).sort_by(keys)
-    staging = Staging(out)
     with writing(out):
-        part = PartWriter(staging, name, run_id, writer=f"-{uuid4().hex}", digits=_DIGITS_OF_MANY)
-        try:
-            part.append(fitting)
-            part.close()
-        except BaseException:
+        clear(rests_of(out, name, run_id))
+        while (written := _written(Staging(out), name, run_id, fitting)) is None:
+            continue
+        return written
+
+
+def rests_of(out: Path, name: str, run_id: str = "*") -> list[Path]:
+    """Unfinished parts that people's writers have in a table, whether these are alive or not."""
+    return sorted((out / name).glob(f"run_id={run_id}/{UNTITLED.replace('.parquet', '-*.parquet')}{SUFFIX}"))
+
+
+def _written(staging: Staging, name: str, run_id: str, rows: pa.Table) -> str | None:
+    """The name of a part with these rows; None where somebody took it for a rest before it was claimed."""
+    held, part = None, PartWriter(staging, name, run_id, writer=f"-{uuid4().hex}", digits=_DIGITS_OF_MANY)
+    try:
+        held = part.claimed()
+        if held is None:
             part.abandon()
-            staging.remove()
-            raise
+            return None
+        part.append(rows)
+        part.close()
         return staging.publish()[0]
+    except BaseException:
+        part.abandon()
+        staging.remove()
+        raise
+    finally:
+        if held is not None:
+            os.close(held)
 
 
 def other_parts(out: Path, name: str, run_id: str, kept: Sequence[str]) -> list[str]:

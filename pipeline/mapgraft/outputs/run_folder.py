@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
@@ -13,9 +12,11 @@ from typing import Any, Self
 from mapgraft.contracts import Observation
 from mapgraft.errors import OutputError
 from mapgraft.events import Event, Snapshot
+from mapgraft.guard import Guard
+from mapgraft.outputs.asking import Asking
 from mapgraft.outputs.files import Tally, Trajectories, connected, json_bytes, map_files, transforms_csv
 from mapgraft.outputs.findings import FINDINGS, LatestFindings
-from mapgraft.outputs.lock import RUN, lock, require_kind
+from mapgraft.outputs.lock import RUN, FolderLock, require_kind
 from mapgraft.outputs.mcap_log import McapLog
 from mapgraft.outputs.names import file_names
 from mapgraft.outputs.parquet_log import WRITTEN, ParquetLog, PartWriter, other_parts
@@ -24,7 +25,7 @@ from mapgraft.outputs.provenance import RunProvenance, is_run_id
 from mapgraft.outputs.scene import Scene
 from mapgraft.outputs.staging import Staging, close_quietly, sync_folder, writing
 from mapgraft.outputs.standing import StandingMerges
-from mapgraft.outputs.unfinished import make_room, set_aside
+from mapgraft.outputs.unfinished import end_at, make_room, set_aside
 from mapgraft.stopwatch import Stopwatch
 from mapgraft_schemas import VERSION
 
@@ -40,22 +41,34 @@ _OURS = ("maps/", "trajectories/", FINDINGS)  # files of an earlier run that are
 class RunFolder:
     """A sink that writes ``<stem>.merge.mcap``, Parquet tables, maps, trajectories, transforms and a summary.
 
-    Everything is written under ``.partial`` names. A decision is on disk when ``happened`` returns. ``finish`` renames
-    everything at once; ``abort`` leaves the partial files behind, from which ``read_events`` reads every decision. As
-    a context manager it finishes, or aborts when an error came through. Tables of other runs in the folder stay.
+    Everything is written under ``.partial`` names, from ``open`` on. A decision is on disk when ``happened`` returns.
+    ``finish`` renames everything at once; ``abort`` leaves the partial files behind, from which ``read_events`` reads
+    every decision. As a context manager it opens, and finishes, or aborts when an error came through; who must not
+    lose a recording to Ctrl-C between the two sees to it that ``__exit__`` is called before calling ``open``.
+    Tables of other runs in the folder stay.
     What an unfinished run had decided stays readable until the same run is finished here.
     With ``report`` the page of the run is made when all else is published, from what is in the folder then.
+    ``guard`` watches map types while they are asked for messages and files.
 
     Raises OutputError when the folder cannot be written, or when another run is writing it.
     """
 
     def __init__(
-        self, out: Path, stem: str, run_id: str, provenance: RunProvenance, scans: bool = False, report: bool = False
+        self,
+        out: Path,
+        stem: str,
+        run_id: str,
+        provenance: RunProvenance,
+        scans: bool = False,
+        report: bool = False,
+        guard: Guard | None = None,
     ) -> None:
         if not is_run_id(run_id):
             raise OutputError(f"a run id is a letter and then letters, digits, '_' and '-', found {run_id!r}")
         self._out, self._run_id, self._provenance = out, run_id, provenance
         self._scans, self._report = scans, report
+        self._asking = Asking(guard or Guard())
+        self._stem, self._mcap_name = stem, f"{stem}{MERGE_RECORDING}"
         self._queue: list[Pose | tuple[int, Event]] = []
         self._snapshots: dict[str, Snapshot] = {}
         self._standing, self._scene, self._tally = StandingMerges(), Scene(), Tally()
@@ -66,29 +79,43 @@ class RunFolder:
         self._unshown: dict[str, str] = {}
         self._ledgers: list[dict[str, Any]] = []
         self._remarks: tuple[str, ...] = ()
+        self._aside: Mapping[str, str] = {}
         self._watch = Stopwatch()
-        self._intact = self._open = True
-        with writing(out):
-            require_kind(out, RUN)
-            out.mkdir(parents=True, exist_ok=True)
-            self._lock = lock(out)
-            try:
-                make_room(out, stem, MERGE_RECORDING)
-                self._aside = set_aside(out, MERGE_RECORDING)
-                self._staging = Staging(out)
-                self._mcap_name = f"{stem}{MERGE_RECORDING}"
-                self._stream = self._staging.create(self._mcap_name)
-                try:
-                    self._mcap = McapLog(self._stream, run_id, provenance)
-                    self._parquet = ParquetLog(self._staging, run_id)
-                    sync_folder(out)  # the recording has a name after a power cut, too
-                except BaseException:
-                    close_quietly(self._stream)
-                    raise
-            except BaseException:
-                os.close(self._lock)
-                raise
+        self._intact, self._open, self._published, self._maps_written = True, False, False, False
+        self._lock, self._staging = FolderLock(out), Staging(out)
         self._trajectories = Trajectories(self._staging, self._names)
+        self._held: list[Callable[[], None]] = []  # gives back what is open; the last one first
+
+    def open(self) -> Self:
+        """Begin to write. Whatever comes through on the way, even Ctrl-C, leaves nothing of what was begun.
+
+        Raises OutputError when the folder cannot be written, or when another run is writing it.
+        """
+        with writing(self._out):
+            try:
+                self._begin()
+                self._open = True  # from here on abort leaves a recording that is whole
+            except BaseException:
+                self._open = False
+                self._let_go()
+                self._staging.remove()
+                raise
+        return self
+
+    def _begin(self) -> None:
+        out = self._out
+        require_kind(out, RUN)
+        out.mkdir(parents=True, exist_ok=True)
+        self._held.append(self._lock.give_back)
+        self._lock.take()
+        make_room(out, self._stem, MERGE_RECORDING)
+        self._aside = set_aside(out, MERGE_RECORDING)
+        self._stream = self._staging.create(self._mcap_name)
+        self._held.append(lambda: close_quietly(self._stream))
+        self._mcap = McapLog(self._stream, self._run_id, self._provenance, self._asking)
+        self._parquet = ParquetLog(self._staging, self._run_id)
+        self._held.append(self._parquet.abandon)
+        sync_folder(out)  # the recording has a name after a power cut, too
 
     def observed(self, observation: Observation) -> None:
         queue = self._queue
@@ -159,8 +186,23 @@ class RunFolder:
         """What there is to say about the recordings and what of them was left out, in sentences, for the summary."""
         self._remarks = tuple(remarks)
 
+    def write_maps(self) -> None:
+        """Write the last map of every robot and component as its type's files; ``finish`` does where nobody has.
+
+        Whoever calls it before can still tell of what fails.
+        """
+        if self._maps_written:
+            return
+        with self._writing():
+            self._drain()
+            together = connected(self._scene.robots, self._standing.merges)
+            for name, content in map_files(self._snapshots, together, self._names, self._unshown, self._asking).items():
+                self._staging.write(name, content)
+        self._maps_written = True
+
     def finish(self) -> None:
         """Make everything whole, then give every file its final name; nothing of it is half-written at any time."""
+        self.write_maps()
         with self._writing():
             with self._watch.stage(WRITING):
                 self._drain()
@@ -175,6 +217,7 @@ class RunFolder:
                 self._parquet.timed(stage.name, stage.elapsed_s, stage.count)
             self._parquet.close(self._provenance.inputs)
             self._staging.publish(gone=self._leftovers())
+            self._published = True
         try:
             if self._report:
                 self._tell()
@@ -185,21 +228,22 @@ class RunFolder:
         """Stop here: leave partial files that hold everything reported so far. Never raises for a folder that fails."""
         if not self._open:
             return
-        if self._intact:
-            with suppress(OutputError), self._writing():
-                self._drain()
-                self._mcap.close(self._scene.span_m())
-                self._trajectories.close()
-                self._parquet.close(self._provenance.inputs)
-        close_quietly(self._stream)
-        if not self._intact:  # whatever was being written when it failed goes; all that was on disk before stays
-            self._parquet.abandon()
-            with suppress(OSError):
-                os.truncate(self._staging.partial(self._mcap_name), self._mcap.durable)
-        self._close()
+        try:
+            if self._intact and not self._published:
+                with suppress(OutputError), self._writing():
+                    self._drain()
+                    self._mcap.close(self._scene.span_m())
+                    self._trajectories.close()
+                    self._parquet.close(self._provenance.inputs)
+        finally:
+            close_quietly(self._stream)
+            if not self._intact:  # what was being written when it failed goes; all that was on disk before stays
+                with suppress(OSError):
+                    end_at(self._staging.partial(self._mcap_name), self._mcap.durable, ended=self._mcap.ended)
+            self._close()
 
     def __enter__(self) -> Self:
-        return self
+        return self.open()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -255,8 +299,7 @@ class RunFolder:
     def _write_files(self, layout: bytes) -> None:
         merges = self._standing.merges
         together = connected(self._scene.robots, merges)
-        files = map_files(self._snapshots, together, self._names, self._unshown)
-        files |= {"transforms.csv": transforms_csv(merges), "layout.json": layout}
+        files = {"transforms.csv": transforms_csv(merges), "layout.json": layout}
         if (found := self._found.csv()) is not None:
             files[FINDINGS] = found
         for name, content in files.items():
@@ -313,8 +356,13 @@ class RunFolder:
         self._intact = True
 
     def _close(self) -> None:
+        self._let_go()
         self._open = False
-        os.close(self._lock)
+
+    def _let_go(self) -> None:
+        while self._held:
+            self._held[-1]()  # which does no harm twice
+            self._held.pop()
 
 
 def _files_of(summary: Path) -> list[str]:

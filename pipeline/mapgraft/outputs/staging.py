@@ -48,9 +48,8 @@ class Staging:
         """A new file, opened for writing, that will be called ``name`` (relative, with '/')."""
         path = self.partial(name)
         path.parent.mkdir(parents=True, exist_ok=True)
-        stream = path.open("wb")
         self._final[name] = name
-        return stream
+        return path.open("wb")
 
     def write(self, name: str, data: bytes) -> None:
         """A whole file at once, on disk when this returns."""

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
+import struct
 from pathlib import Path
 
-from mapgraft.outputs.parquet_log import UNTITLED, WRITTEN
+from mapgraft.outputs.claims import clear
+from mapgraft.outputs.parquet_log import UNTITLED, WRITTEN, rests_of
 from mapgraft.outputs.provenance import is_run_id
 from mapgraft.outputs.read_back import Told, told_by
-from mapgraft.outputs.staging import SUFFIX, sync_folder
+from mapgraft.outputs.staging import SUFFIX, sync, sync_folder
 
 _WRITTEN_AT_THE_END = ("mission.json", "transforms.csv", "layout.json", "summary.json", "report.html")
+_END = struct.pack("<BQI", 0x0F, 4, 0) + struct.pack("<BQQQI", 0x02, 20, 0, 0, 0) + b"\x89MCAP0\r\n"
 
 
 def make_room(out: Path, stem: str, ending: str) -> None:
@@ -34,6 +37,7 @@ def make_room(out: Path, stem: str, ending: str) -> None:
         rests += sorted((out / table).glob(f"run_id=*/{UNTITLED}{SUFFIX}"))
     for rest in rests:
         rest.unlink(missing_ok=True)
+    clear(rests_of(out, "labels"))
     sync_folder(out)
 
 
@@ -42,6 +46,20 @@ def set_aside(out: Path, ending: str) -> dict[str, str]:
     names = sorted(path.name for path in out.glob(f"*.*{ending}{SUFFIX}"))
     ids = {name: name.removesuffix(ending + SUFFIX).rpartition(".")[2] for name in names}
     return {name: run_id for name, run_id in ids.items() if is_run_id(run_id)}
+
+
+def end_at(path: Path, size: int, *, ended: bool) -> None:
+    """End a recording after its first ``size`` bytes, which must end with a whole record; raises OSError.
+
+    Unless it has ``ended`` there it gets the shortest end that makes it whole: no summary, but the records and the
+    magic bytes that come last (MCAP specification, "Data End", "Footer", "Magic").
+    """
+    with path.open("r+b") as stream:
+        stream.truncate(size)
+        if not ended:
+            stream.seek(size)
+            stream.write(_END)
+        sync(stream)
 
 
 def _set_aside(recording: Path, told: Told, place: Path) -> None:

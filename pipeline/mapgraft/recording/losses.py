@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from mapgraft.contracts.sources import Fault
 
 if TYPE_CHECKING:
     from mapgraft.recording.mission import Mission
@@ -34,6 +37,11 @@ def losses(mission: Mission) -> tuple[Loss, ...]:
     return (*of_files, *of_robots)
 
 
-def fault_sentences(mission: Mission) -> list[str]:
-    """What was lost or odd in the files, for a person: one sentence per file, topic and cause."""
-    return [f"{name}: {fault.text}" for name, fault in mission.faults]
+def fault_sentences(faults: Iterable[tuple[str, Fault]]) -> list[str]:
+    """What was lost or odd in files, each given by its name, for a person: one sentence per file, topic and cause."""
+    return [fault.text if _is_named(name, fault) else f"{name}: {fault.text}" for name, fault in faults]
+
+
+def _is_named(name: str, fault: Fault) -> bool:
+    """Whether the sentence names its file itself, as those about lines of a log do; a folder may be called anything."""
+    return "." in name and name in fault.sentence.split()

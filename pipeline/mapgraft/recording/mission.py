@@ -15,6 +15,7 @@ from mapgraft.contracts.sources import Fault, ReadFaults
 from mapgraft.guard import Guard
 from mapgraft.plugins import Plugins
 from mapgraft.recording.containers.octets import Octets
+from mapgraft.recording.losses import fault_sentences
 from mapgraft.recording.poses.frames import Drift
 from mapgraft.recording.poses.rigid import Pose7, from_transform, inverse, levelled, to_transform
 from mapgraft.recording.robots.clocks import Clock
@@ -77,6 +78,7 @@ class Mission:
         self._map_files = roster.map_files
         self.glimpses = roster.glimpses
         self.unmappable = roster.unmappable
+        self._unread = roster.unread
         self.tally = Tally()
         self._faults = ReadFaults()
         names = [*(file.name for file in roster.map_files), *(plan.name for plan in roster.plans)]
@@ -118,7 +120,7 @@ class Mission:
     def faults(self) -> list[tuple[str, Fault]]:
         """What was lost or odd as far as the files were read, each with the name of its file."""
         faults = [(g.source.path.name, fault) for g in self.all_glimpses for fault in g.source.faults]
-        return [*faults, *(("the poses", fault) for fault in self._faults)]
+        return [*self._unread, *faults, *(("the poses", fault) for fault in self._faults)]
 
     @property
     def all_glimpses(self) -> tuple[Glimpse, ...]:
@@ -233,17 +235,12 @@ def open_mission(
     nothing to map, ConfigError when the configuration speaks of what is not there, TransformError and PluginError from
     what plugins read.
     """
-    library = Library(plugins, config.mission.typestore, config.limits, octets)
+    library = Library(plugins, config.mission.typestore, config.limits, octets=octets)
     try:
         with library.guard.armed():
             roster = call_roll(paths, config, library)
         if not roster.plans and not roster.map_files:
             raise RecordingError(nothing_found(roster))
-        if (robots := len(roster.plans) + len(roster.map_files)) > config.limits.robots:
-            raise RecordingError(
-                f"the recording shows {robots:,} robots, each of which would meet all others: give only the files of "
-                f"those that are meant, or raise limits.robots ({config.limits.robots:,})"
-            )
         return Mission(roster, library, config)
     except BaseException:
         library.close()
@@ -260,14 +257,15 @@ def nothing_found(roster: Roster) -> str:
     """A sentence on why the files hold no robot that can be mapped."""
     reasons = [f"robot {name}: {reason}" for name, reason in roster.unmappable]
     reasons += [sentence for g in roster.glimpses for sentence in g.undecodable]
+    faults = [*roster.unread, *((g.source.path.name, fault) for g in roster.glimpses for fault in g.source.faults)]
+    lost = "".join(f"; {sentence}" for sentence in fault_sentences(faults))
     if reasons:
-        return f"nothing to map: {'; '.join(reasons)}"
+        return f"nothing to map: {'; '.join(reasons)}{lost}"
     held = "; ".join(f"{g.source.path.name} holds {_held(g)}" for g in roster.glimpses) or "no file was given"
-    lost = "".join(f"; {fault.sentence}" for g in roster.glimpses for fault in g.source.faults)
-    return (
-        f"nothing to map: {held}, but no scans and no maps that can be read: record a LaserScan or OccupancyGrid topic"
-        f"{lost}"
-    )
+    if all(channel.count == 0 for g in roster.glimpses for channel in g.source.channels):
+        return f"nothing to map: {held}{lost}"
+    wanted = "no scans and no maps that can be read: record a LaserScan or OccupancyGrid topic"
+    return f"nothing to map: {held}, but {wanted}{lost}"
 
 
 def _held(g: Glimpse) -> str:

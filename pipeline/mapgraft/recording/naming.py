@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
-from pathlib import PurePath
+from pathlib import Path, PurePath
 
 MAP_WORDS = ("map",)
 ODOM_WORDS = ("odom", "odometry")
@@ -18,7 +19,7 @@ _SENSOR = re.compile(
 )
 # Words in the topics of poses that nobody has reached yet.
 _WISH = re.compile(r"goals?|initial|initialpose|target|waypoints?|clicked|setpoint|cmd|command")
-_SUFFIXES = (".log.gz", ".clf.gz", ".gfs.gz", ".tum.gz")
+_SUFFIXES = (".log.gz", ".clf.gz", ".gfs.gz", ".tum.gz", ".bag.active")
 
 
 def bare(frame: str) -> str:
@@ -89,6 +90,11 @@ def robot_name(text: str) -> str:
     """The text as a robot's name: what cannot be part of a topic, a frame and a file becomes ``_``."""
     name = re.sub(r"[^\w@.-]|[^\x00-\x7f]", "_", text)[:100]
     return name if name.strip("._") else "robot"
+
+
+def real_path(path: PurePath) -> Path:
+    """The file that a path leads to; links that lead to themselves stay as they are."""
+    return Path(os.path.realpath(path))
 
 
 def told_apart(paths: Sequence[PurePath]) -> list[str]:

@@ -101,7 +101,7 @@ def survey(paths: Sequence[Path], config: Config, *, plugins: Plugins | None = N
         problems = [f"robot {name} cannot be mapped: {reason}" for name, reason in mission.unmappable]
         problems += [sentence for g in mission.glimpses for sentence in g.undecodable]
         problems += tally.sentences()
-        problems += fault_sentences(mission)
+        problems += fault_sentences(mission.faults)
         return Survey(
             files=tuple(_file(mission, g) for g in mission.all_glimpses),
             robots=robots,

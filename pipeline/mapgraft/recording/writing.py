@@ -21,6 +21,7 @@ from mapgraft.recording.containers.limits import DEFAULT_LIMITS, ReadLimits
 from mapgraft.recording.containers.opening import Reader, open_source
 from mapgraft.recording.conversion import Convert, Output, Untold, converters
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE
+from mapgraft.recording.losses import fault_sentences
 from mapgraft.recording.ros2_types import Encoded
 
 CHUNK_BYTES = 1 << 20
@@ -131,12 +132,12 @@ class Skipped:
 
 @dataclass(frozen=True, slots=True)
 class ConversionReport:
-    """What a conversion wrote and left out, and what was wrong with the recordings."""
+    """What a conversion wrote and left out, and what was wrong with the recordings, each by its file's name."""
 
     path: Path
     written: tuple[Written, ...]
     skipped: tuple[Skipped, ...]
-    faults: tuple[Fault, ...]
+    faults: tuple[tuple[str, Fault], ...]
 
     def __str__(self) -> str:
         rows = [f"{self.path}: {sum(row.count for row in self.written)} messages"]
@@ -146,7 +147,7 @@ class ConversionReport:
             f"{'some' if row.count is None else row.count} message(s): {row.reason}"
             for row in self.skipped
         ]
-        rows += [f"  {fault.count} × {fault.topic and fault.topic + ': '}{fault.sentence}" for fault in self.faults]
+        rows += [f"  {sentence}" for sentence in fault_sentences(self.faults)]
         return "\n".join(rows)
 
 
@@ -179,16 +180,22 @@ def convert(
         ]
         counts: Counter[tuple[str, str]] = Counter()
         if not any(item.channels for item in inputs):
-            raise RecordingError(f"nothing in {', '.join(map(str, files))} can be converted to ROS 2")
+            raise RecordingError(_nothing_in(files))
         with RecordingWriter(target) as writer:
             merged = heapq.merge(*(item.outputs() for item in inputs), key=lambda timed: timed[0])
             for log_ns, output in merged:
                 writer.write(output.topic, output.message, log_ns, latched=output.latched)
                 counts[output.topic, output.message.schema.name] += 1
+            faults = tuple(fault for item in inputs for fault in item.all_faults())
+            if not counts:
+                raise RecordingError("; ".join([f"{_nothing_in(files)}: no message is left", *fault_sentences(faults)]))
         skipped = tuple(row for item in inputs for row in item.skipped())
-        faults = tuple(fault for item in inputs for fault in item.all_faults())
     written = tuple(Written(topic, kind, count) for (topic, kind), count in sorted(counts.items()))
     return ConversionReport(target, written, skipped, faults)
+
+
+def _nothing_in(files: Sequence[Path]) -> str:
+    return f"nothing in {', '.join(map(str, files))} can be converted to ROS 2"
 
 
 def _check(files: Sequence[Path], target: Path) -> None:
@@ -252,8 +259,8 @@ class _Input:
         name = self._source.path.name
         return [Skipped(name, c.topic, c.message_type, c.count, why_not) for c, why_not in self._untold]
 
-    def all_faults(self) -> list[Fault]:
-        return [*self._source.faults, *self._lost]
+    def all_faults(self) -> list[tuple[str, Fault]]:
+        return [(self._source.path.name, fault) for fault in (*self._source.faults, *self._lost)]
 
 
 def _absolute(topic: str) -> str:

@@ -43,7 +43,8 @@ class Ledger:
         self._admit(merge_id, contribution, (self._standing(merge_id).region, contribution.region))
 
     def revert(self, merge_id: str) -> Exactness:
-        self._fused.touch(self._standing(merge_id).region)
+        """Nothing of the map type is asked: this cannot fail."""
+        self._fused.mark(self._standing(merge_id).region)
         del self._contributions[merge_id]
         return Exactness(exact=True, reason="the donor's layer was never mixed with another")
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from mapgraft.contracts import Contribution, Exactness, Layer, Map, MapType, Observation, Region
-from mapgraft.errors import ReversalError
+from mapgraft.errors import MapError, PluginError, ReversalError
 from mapgraft.reversal.views import LazyView
 
 
@@ -43,7 +43,10 @@ class MultiMap:
         self.version += 1
         self._own.touch(touched)
         for level in self._levels:
-            level.view.touch(self._map_type.integrate(level.layer, observation))
+            try:
+                level.view.touch(self._map_type.integrate(level.layer, observation))
+            except MapError as error:  # no refusal any more: the own map has it
+                raise PluginError(f"took into one layer what it refused for another: {error}") from error
         return touched
 
     def merge(self, merge_id: str, contribution: Contribution) -> None:

@@ -41,7 +41,11 @@ class Reversal(Protocol):
         ...
 
     def revert(self, merge_id: str) -> Exactness:
-        """Take a contribution out; raises ReversalError when it is not there."""
+        """Take a contribution out; raises ReversalError when it is not there.
+
+        A ledger asks the map type for nothing here. What the map type raises otherwise comes through, and then nothing
+        has changed.
+        """
         ...
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Literal
 
 from mapgraft.contracts import Contribution, Exactness, Layer, Map, MapType, Observation, Region
@@ -56,15 +56,18 @@ class SingleMap:
         )
 
     def revert(self, merge_id: str) -> Exactness:
-        foreign = self._foreign.pop(merge_id, None)
+        """All stays as it is when the map type raises: a copy of the layer is reset."""
+        foreign, others = self._foreign.get(merge_id), {n: r for n, r in self._foreign.items() if n != merge_id}
         if foreign is None:
             raise ReversalError(f"merge {merge_id} is not in the map: it was never made or already reverted")
         updated = self._updated.united()
         discarded = foreign.minus(updated)
-        lost = len(discarded) - len(self._without_others(discarded))
-        reset = self._map_type.reset(self._layer, foreign, updated)
-        self._foreign = {name: other.minus(discarded) for name, other in self._foreign.items()}
-        self._view.touch(reset.touched)
+        lost = len(discarded) - len(_without(discarded, others.values()))
+        others = {name: other.minus(discarded) for name, other in others.items()}
+        layer = self._map_type.decode(self._map_type.encode(self._layer))
+        reset = self._map_type.reset(layer, foreign, updated)
+        self._layer, self._foreign = layer, others
+        self._view.mark(reset.touched)
         return Exactness(
             exact=reset.cells_contaminated == 0 and lost == 0,
             cells_reset=reset.cells_reset,
@@ -99,7 +102,8 @@ class SingleMap:
     def offered_version(self) -> int:
         return self.version if self._before is None else self._before[1]
 
-    def _without_others(self, region: Region) -> Region:
-        for other in self._foreign.values():
-            region = region.minus(other)
-        return region
+
+def _without(region: Region, others: Iterable[Region]) -> Region:
+    for other in others:
+        region = region.minus(other)
+    return region

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import reduce
 
 from mapgraft.contracts import Contribution, Layer, Map, MapType, Region
-from mapgraft.soundness import sound_map
+from mapgraft.reversal.gathering import MOST_APART
+from mapgraft.sound_maps import sound_map
 
 
 class LazyView:
@@ -16,7 +18,7 @@ class LazyView:
     def __init__(self, map_type: MapType) -> None:
         self._map_type = map_type
         self._map: Map | None = None
-        self._touched: Region | None = None
+        self._touched: list[Region] = []  # united when somebody looks
 
     @property
     def is_made(self) -> bool:
@@ -25,25 +27,33 @@ class LazyView:
 
     def touch(self, region: Region) -> None:
         """Note that the region has changed."""
+        self.mark(region)
+        if len(self._touched) > MOST_APART:
+            self._touched = [_united(self._touched)]
+
+    def mark(self, region: Region) -> None:
+        """The same, and nothing of the map type is asked for it: it cannot fail."""
         if self._map is not None:
-            self._touched = region if self._touched is None else self._touched.union(region)
+            self._touched.append(region)
 
     def advance(self, layer: Layer, contributions: Sequence[Contribution], regions: Iterable[Region]) -> None:
         """The view with other contributions, which changed these regions; as before when it cannot be made."""
-        touched = self._touched
+        touched = [*self._touched, *regions]
         if self._map is None:
             made = self._map_type.view(layer, contributions)
         else:
-            for region in regions:
-                touched = region if touched is None else touched.union(region)
-            made = self._map_type.view(layer, contributions, self._map, touched)
-        self._map, self._touched = sound_map(made, self._map_type.name), None
+            made = self._map_type.view(layer, contributions, self._map, _united(touched) if touched else None)
+        self._map, self._touched = sound_map(made, self._map_type.name), []
 
     def get(self, layer: Layer, contributions: Sequence[Contribution] = ()) -> Map:
         """The view as of now, equal to a fresh one."""
         if self._map is None:
             self._map = self._map_type.view(layer, contributions)
-        elif self._touched is not None:
-            self._map = self._map_type.view(layer, contributions, self._map, self._touched)
-        self._touched = None
+        elif self._touched:
+            self._map = self._map_type.view(layer, contributions, self._map, _united(self._touched))
+        self._touched = []
         return self._map
+
+
+def _united(regions: Sequence[Region]) -> Region:
+    return reduce(lambda a, b: a.union(b), regions)

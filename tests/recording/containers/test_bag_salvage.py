@@ -163,6 +163,22 @@ def test_the_index_finds_messages_behind_a_broken_record(made: Made, tmp_path: P
         assert source.faults.count("messages_lost") == 1
 
 
+@pytest.mark.parametrize(("name", "wrong"), [(b"op=\x02", b"op=\x00"), (b"time=", b"emit="), (b"conn=", b"none=")])
+def test_a_record_that_is_no_message_any_more_is_told(made: Made, tmp_path: Path, name: bytes, wrong: bytes) -> None:
+    """Its lengths may be sound: then nothing else is broken, and nobody would miss it."""
+    first = made.rows[9][2]
+    if first not in made.whole:
+        pytest.skip("the chunks of this bag are compressed")
+    hurt = bytearray(made.whole)
+    at = made.whole.rindex(name, 0, made.whole.index(first))
+    hurt[at : at + len(wrong)] = wrong
+    path = tmp_path / "hurt.bag"
+    path.write_bytes(hurt)
+    with BagSource(path) as source:
+        assert given_by(source) == made.rows[:9] + made.rows[10:]
+        assert {f.topic: f.count for f in source.faults if f.cause == "messages_lost"} == {made.rows[9][0]: 1}
+
+
 def test_a_bag_whose_first_bytes_are_gone_is_known_by_its_name(made: Made, tmp_path: Path) -> None:
     path = tmp_path / "hurt.bag"
     path.write_bytes(bytes(20) + made.whole[20:])

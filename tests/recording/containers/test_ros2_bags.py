@@ -14,6 +14,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StorageP
 from mapgraft.contracts.sources import Source
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.bag_folder import BagFolderSource
+from mapgraft.recording.containers.limits import ReadLimits
 from mapgraft.recording.containers.sqlite_file import SqliteSource
 
 REAL = "bags/turtlebot4/macfirst_floor_take_2"
@@ -184,3 +185,38 @@ def test_a_real_bag_reads_as_rosbags_reads_it(shared_data: Path) -> None:
     assert {len(scan.ranges_m) for scan in scans} == {720}
     bare = SqliteSource(shared_data / REAL / "macfirst_floor_take_2_0.db3")
     assert told(bare) == theirs
+
+
+def test_a_part_that_is_named_again_counts_once(write_bag: Any) -> None:
+    path, rows = write_bag()
+    (path / "link.db3").symlink_to(path / "made.db3")
+    metadata = path / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("- made.db3", "- made.db3\n  - ./made.db3\n  - link.db3"))
+    with BagFolderSource(path) as source:
+        assert told(source) == rows
+        assert [(fault.cause, fault.count) for fault in source.faults] == [("metadata_damaged", 2)]
+
+
+def test_all_parts_of_a_folder_together_unpack_to_no_more_than_the_limits(
+    write_bag: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, rows = write_bag(mode=CompressionMode.FILE)
+    packed = path / "made.db3.zstd"
+    for n in range(1, 4):
+        shutil.copy(packed, path / f"more_{n}.db3.zstd")
+    metadata = path / "metadata.yaml"
+    names = "".join(f"\n  - more_{n}.db3.zstd" for n in range(1, 4))
+    metadata.write_text(metadata.read_text().replace("- made.db3.zstd", f"- made.db3.zstd{names}"))
+    with BagFolderSource(path) as source:
+        assert len(told(source)) == 4 * len(rows)
+    monkeypatch.setattr("mapgraft.recording.containers.limits.FREE_BYTES", 60_000)
+    with BagFolderSource(path, limits=ReadLimits(expansion=1.0)) as source:
+        kept = [fault for fault in source.faults if "raise limits.expansion" in fault.sentence]
+        assert [fault.count for fault in kept] == [4 - len(told(source)) // len(rows)]
+
+
+def test_unpacking_leaves_room_on_the_disk(write_bag: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, _ = write_bag(mode=CompressionMode.FILE)
+    monkeypatch.setattr("mapgraft.recording.containers.zstd_files.LEFT_FREE_BYTES", 1 << 62)
+    with pytest.raises(RecordingError, match=r"there is no room in .* set TMPDIR"):
+        BagFolderSource(path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import sqlite3
+import struct
 from collections import Counter
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 from mapgraft.contracts.sources import Source
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.bag_folder import BagFolderSource
+from mapgraft.recording.containers.limits import ReadLimits
 from mapgraft.recording.containers.sqlite_file import SqliteSource
 
 THOROUGH = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -155,3 +157,162 @@ def test_loops_and_lies_end(bag: Bag, tmp_path: Path) -> None:
                 assert len(given_by(source)) <= 2 * len(bag.rows)
         except RecordingError as error:
             assert "cannot be read as a ROS 2 bag" in str(error)
+
+
+def test_no_message_is_made_larger_than_the_limits(bag: Bag, tmp_path: Path) -> None:
+    path = tmp_path / "large.db3"
+    path.write_bytes(bag.whole)
+    with sqlite3.connect(path) as database:
+        database.execute("INSERT INTO messages VALUES (1000, 1, 55, zeroblob(2000000))")
+    database.close()
+    with SqliteSource(path, limits=ReadLimits(chunk_bytes=1 << 20)) as source:
+        assert given_by(source) == bag.rows
+        assert source.faults.count("messages_lost") == 1
+    with SqliteSource(path) as source:
+        assert len(given_by(source)) == len(bag.rows) + 1
+
+
+def test_what_a_schema_computes_is_not_read(bag: Bag, tmp_path: Path) -> None:
+    """A few bytes of schema may stand for gigabytes in each row."""
+    path = tmp_path / "computed.db3"
+    path.write_bytes(bag.whole)
+    with sqlite3.connect(path) as database:
+        database.execute("ALTER TABLE messages ADD COLUMN more BLOB GENERATED ALWAYS AS (zeroblob(900000000)) VIRTUAL")
+    database.close()
+    with pytest.raises(RecordingError, match=r"computes messages\.more"):
+        SqliteSource(path)
+
+
+def test_topics_without_a_type_are_no_topics(bag: Bag, tmp_path: Path) -> None:
+    path = tmp_path / "typeless.db3"
+    path.write_bytes(bag.whole)
+    with sqlite3.connect(path) as database:
+        database.execute("PRAGMA writable_schema = ON")
+        database.execute("UPDATE sqlite_master SET sql = replace(sql, ' NOT NULL', '') WHERE name = 'topics'")
+    database.close()
+    with sqlite3.connect(path) as database:
+        database.execute("UPDATE topics SET type = NULL WHERE id = 2")
+    database.close()
+    with SqliteSource(path) as source:
+        assert given_by(source) == [row for row in bag.rows if row[0] == "/a"]
+        assert source.faults.count("database_damaged") == 1
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "CREATE VIEW more AS SELECT * FROM messages",
+        "CREATE TRIGGER more AFTER INSERT ON messages BEGIN SELECT 1; END",
+        "CREATE INDEX more ON messages (length(data))",
+        "CREATE INDEX more ON messages (timestamp) WHERE abs(timestamp) > 5",
+        "CREATE VIRTUAL TABLE more USING fts5(data)",
+    ],
+)
+def test_a_schema_that_runs_something_is_not_read(bag: Bag, tmp_path: Path, command: str) -> None:
+    path = tmp_path / "running.db3"
+    path.write_bytes(bag.whole)
+    with sqlite3.connect(path) as database:
+        database.execute(command)
+    database.close()
+    with pytest.raises(RecordingError, match=r"computes 'more' where recorders write"):
+        SqliteSource(path)
+
+
+def test_a_table_that_is_a_view_is_not_read(bag: Bag, tmp_path: Path) -> None:
+    """What the schema says of a thing beside its text may be a lie; the rows of the pages are no lie."""
+    path = tmp_path / "view.db3"
+    path.write_bytes(bag.whole)
+    with sqlite3.connect(path) as database:
+        database.execute("PRAGMA writable_schema = ON")
+        text = "CREATE VIEW messages AS SELECT 1 AS id, 1 AS topic_id, 1 AS timestamp, zeroblob(900000000) AS data"
+        database.execute("DELETE FROM sqlite_master WHERE name = 'timestamp_idx'")
+        database.execute("UPDATE sqlite_master SET sql = ?, rootpage = 0 WHERE name = 'messages'", [text])
+    database.close()
+    with SqliteSource(path) as source:
+        assert given_by(source) == bag.rows
+        assert source.faults.count("database_damaged") == 1
+
+
+def small_bag(path: Path, messages: int = 300, data: bytes = b"scan") -> int:
+    """A database of small pages; returns the first page of its messages, counted from 1."""
+    with sqlite3.connect(path) as database:
+        database.execute("PRAGMA page_size=512")
+        database.executescript(TABLES)
+        database.execute("INSERT INTO topics VALUES (1, '/a', 'sensor_msgs/msg/LaserScan', 'cdr', '')")
+        rows = [(1, n, data) for n in range(messages)]
+        database.executemany("INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)", rows)
+        ((root,),) = database.execute("SELECT rootpage FROM sqlite_master WHERE name = 'messages'").fetchall()
+    database.close()
+    return int(root)
+
+
+def test_a_tree_whose_rows_have_no_end_is_left_for_its_pages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages that each lead 60 times to the next one: 60 to the power of 4 leaves in two thousand bytes."""
+    path = tmp_path / "endless.db3"
+    root = small_bag(path)
+    whole = bytearray(path.read_bytes())
+    first = len(whole) // 512 + 1
+    pages = [root, first, first + 1, first + 2]
+    whole += bytes(512 * 3)
+    leaf = next(n for n in range(root, first) if whole[512 * n] == 0x0D) + 1
+    for page, child in zip(pages, [*pages[1:], leaf], strict=True):
+        cells, at = bytearray(), 12 + 2 * 60
+        head = b"\x05\0\0" + (60).to_bytes(2, "big") + at.to_bytes(2, "big") + b"\0" + child.to_bytes(4, "big")
+        for k in range(60):
+            head += (at + len(cells)).to_bytes(2, "big")
+            cells += child.to_bytes(4, "big") + bytes([k + 1])
+        whole[512 * (page - 1) : 512 * page] = (head + cells).ljust(512, b"\0")
+    whole[28:32] = (len(whole) // 512).to_bytes(4, "big")
+    path.write_bytes(whole)
+    monkeypatch.setattr("mapgraft.recording.containers.sqlite_opening.FREE_STEPS", 300_000)
+    with SqliteSource(path) as source:
+        times = [log_ns for _, log_ns, _ in given_by(source)]
+        (fault,) = (fault for fault in source.faults if fault.cause == "database_damaged")
+    assert "interrupted" in fault.sentence
+    assert times == list(range(300))
+
+
+def test_rows_that_share_pages_unpack_to_no_more_than_the_limits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One row, put down nine times on its page."""
+    path, data = tmp_path / "shared.db3", b"x" * 19_844  # so many that hardly any of them lie on that page
+    leaf = 512 * (small_bag(path, 1, data) - 1)
+    whole = bytearray(path.read_bytes())
+    (at,) = struct.unpack_from(">H", whole, leaf + 8)
+    cell = bytes(whole[leaf + at : leaf + 512])
+    cells = [cell[:3] + bytes([n]) + cell[4:] for n in range(1, 10)]  # its size takes three bytes, its number one
+    places = [512 - len(cell) * n for n in range(1, 10)]
+    for place, one in zip(places, cells, strict=True):
+        whole[leaf + place : leaf + place + len(one)] = one
+    whole[leaf + 3 : leaf + 7] = struct.pack(">HH", 9, places[-1])
+    whole[leaf + 8 : leaf + 26] = struct.pack(">9H", *places)
+    path.write_bytes(whole)
+    with SqliteSource(path) as source:
+        assert given_by(source) == 9 * [("/a", 0, data)]
+        assert "its rows share pages" in next(iter(source.faults)).sentence
+    monkeypatch.setattr("mapgraft.recording.containers.limits.FREE_BYTES", 100_000)
+    with pytest.raises(RecordingError, match=r"raise limits\.expansion"):
+        SqliteSource(path, limits=ReadLimits(expansion=2.0))
+
+
+def test_definitions_that_share_pages_are_kept_as_far_as_the_limits_allow(tmp_path: Path) -> None:
+    path = tmp_path / "defined.db3"
+    small_bag(path, 5)
+    with sqlite3.connect(path) as database:
+        database.execute(
+            "CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT, encoding TEXT, "
+            "encoded_message_definition TEXT, type_description_hash TEXT)"
+        )
+        rows = [(f"a/msg/A{n}", "ros2msg", "x" * 100_000, "") for n in range(20)]
+        database.executemany(
+            "INSERT INTO message_definitions(topic_type, encoding, encoded_message_definition, type_description_hash) "
+            "VALUES (?, ?, ?, ?)",
+            rows,
+        )
+    database.close()
+    with SqliteSource(path, limits=ReadLimits(chunk_bytes=1 << 20)) as source:
+        assert len(given_by(source)) == 5
+        assert "topics have more than" in next(iter(source.faults)).sentence
+    with SqliteSource(path) as source:
+        assert len(given_by(source)) == 5 and not len(source.faults)

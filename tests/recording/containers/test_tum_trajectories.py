@@ -34,7 +34,7 @@ def test_poses(tmp_path: Path) -> None:
         assert [pose.valid for pose in poses] == [True, True, True, False]
         assert [m.log_ns - messages[0].log_ns for m in messages] == [0, 951588671, 951588671, 2451588671]
         assert (source.start_ns, source.end_ns) == (1663967375548411329, 1663967378000000000)
-        assert {fault.cause: fault.count for fault in source.faults} == {"line_unreadable": 2, "stamp_backward": 1}
+        assert {fault.cause: fault.count for fault in source.faults} == {"line_unreadable": 2, "lines_out_of_order": 1}
         window = source.messages(["trajectory"], 1663967376 * 10**9, 1663967377 * 10**9)
         assert [source.decode(m).xyz_m[0] for m in window] == [1.75, 9.0]
         assert list(source.messages(["other"])) == [] == list(source.scans())

@@ -44,6 +44,11 @@ def test_cells_resolution_and_origin() -> None:
         (grid(resolution=math.nan), "resolution must be positive"),
         (grid(w=0.0), "origin is not usable"),
         (grid(w=math.nan), "origin is not usable"),
+        (SimpleNamespace(), "does not have the fields of its type"),
+        (SimpleNamespace(info=SimpleNamespace(width=None)), "does not have the fields of its type"),
+        (SimpleNamespace(info=grid().info, data=[[0] * 3] * 6), "whole numbers in a row"),
+        (SimpleNamespace(info=grid().info, data=[0.5] * 6), "whole numbers in a row"),
+        (SimpleNamespace(info=grid().info, data="abcdef"), "does not have the fields"),
     ],
 )
 def test_grids_that_cannot_be_used(message: Any, sentence: str) -> None:

@@ -187,10 +187,11 @@ def mission() -> Any:
         paths: Path | Sequence[Path],
         robots: Mapping[str, Any] | None = None,
         plugins: Plugins | None = None,
+        limits: Mapping[str, Any] | None = None,
         **options: Any,
     ) -> Mission:
         files = [paths] if isinstance(paths, Path) else list(paths)
-        config = parse_config({"robots": robots or {}, "mission": options})
+        config = parse_config({"robots": robots or {}, "mission": options, "limits": limits or {}})
         opened.append(open_mission(files, config, plugins=plugins))
         return opened[-1]
 

@@ -238,3 +238,37 @@ def test_scans_that_no_tree_reaches_are_named(record, mission):
     path = record("bad").drive(2, mount=False).write()
     with pytest.raises(RecordingError, match="no transform knows the sensor frame 'laser'"):
         mission(path)
+
+
+def test_robots_with_names_that_are_long_and_alike_are_told_apart(record, mission):
+    file = record()
+    for k in range(4):
+        file.drive(1, prefix=f"r{k}/", ns=f"/fleet{k // 2}/{'x' * 120}{k % 2}", where=lambda t, k=k: (t, k, 0.0))
+    names = sorted(named(mission(file.write())))
+    assert len(set(names)) == 4 and all(len(name) <= 100 for name in names)
+
+
+def test_topics_without_end_are_refused_before_anybody_looks_at_them(record, mission):
+    file = record()
+    for k in range(41):
+        file.scan(1.0, f"/r{k}/scan", f"laser{k}")
+    with pytest.raises(RecordingError, match=r"has 41 topics of scans, maps and poses, more than 20 for each of 2"):
+        mission(file.write(), limits={"robots": 2})
+
+
+def test_more_robots_than_the_limits_are_refused_and_those_that_count_are_named_once(record, mission):
+    file = record()
+    for k in range(3):
+        file.drive(1, prefix=f"r{k}/", ns=f"/r{k}")
+    path = file.write()
+    with pytest.raises(RecordingError, match=r"shows 3 robots, .* raise limits.robots \(2\)"):
+        mission(path, limits={"robots": 2})
+    renamed = {"anna": {"source": "r0"}}
+    assert sorted(named(mission(path, renamed, limits={"robots": 3}))) == ["anna", "r1", "r2"]
+
+
+def test_a_link_to_itself_is_no_file(tmp_path, mission):
+    loop = tmp_path / "loop.mcap"
+    loop.symlink_to(loop)
+    with pytest.raises(RecordingError, match=r"loop\.mcap"):
+        mission(loop)

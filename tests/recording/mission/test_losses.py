@@ -14,6 +14,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 import mapgraft
 from mapgraft.config import Config, MissionConfig, load_config
+from mapgraft.contracts import RecordingError
 from mapgraft.recording.survey import survey
 from mapgraft_recordings import demo_files
 
@@ -69,3 +70,42 @@ def test_a_whole_recording_loses_nothing(damaged: tuple[list[Path], Config, int]
     result = mapgraft.run(files, damaged[1], tmp_path)
     assert json.loads((tmp_path / "summary.json").read_text())["lost"] == []
     assert result.lost == ()
+
+
+@pytest.fixture
+def beside(tmp_path: Path) -> list[Path]:
+    """The demo's files, an empty one beside them, and one that only begins."""
+    files, _, _ = demo_files()
+    empty, cut = tmp_path / "empty.mcap", tmp_path / "cut.db3"
+    empty.write_bytes(b"")
+    cut.write_bytes(b"SQLite format 3\0")
+    return [*files, empty, cut]
+
+
+def test_a_recording_that_cannot_be_opened_is_left_out_beside_others_and_told(beside: list[Path]) -> None:
+    config = Config(mission=MissionConfig(start_s=0.0, end_s=3.0))
+    result = mapgraft.run(beside, config)
+    assert set(result.maps) == {"alpha", "bravo", "charlie"}
+    said = [sentence for sentence in result.lost if sentence.endswith("it is left out")]
+    assert [sentence.split()[0] for sentence in said] == ["empty.mcap", "cut.db3"]
+    assert [p for p in survey(beside, config).problems if p.endswith("it is left out")] == said
+
+
+def test_recordings_that_cannot_be_opened_and_nothing_else_are_an_error(beside: list[Path]) -> None:
+    with pytest.raises(RecordingError, match=r"empty\.mcap is empty .*; .*cut\.db3"):
+        mapgraft.run(beside[-2:])
+
+
+def test_a_file_that_the_configuration_needs_must_be_read(beside: list[Path]) -> None:
+    config = Config.model_validate({"robots": {"delta": {"files": ["empty.mcap"]}}})
+    with pytest.raises(RecordingError, match="is empty"):
+        mapgraft.run(beside, config)
+
+
+def test_what_is_no_recording_is_not_left_out(beside: list[Path], tmp_path: Path) -> None:
+    wrong = tmp_path / "notes.txt"
+    wrong.write_text("bought milk\n")
+    with pytest.raises(RecordingError, match="is not a recording"):
+        mapgraft.run([*beside, wrong])
+    with pytest.raises(RecordingError, match="does not exist"):
+        mapgraft.run([*beside, tmp_path / "missing.mcap"])

@@ -194,6 +194,19 @@ def test_frames_with_two_parents_and_loops_are_named_with_their_beginning(record
     assert loop.startswith("at 1700000005.000 s 'table' → 'cup' closes a loop with what was told before")
 
 
+def test_frames_without_end_are_left_out_and_counted(record, mission, monkeypatch):
+    """The robot's own frames are told first; each further one takes memory."""
+    for module in ("timeline.feeds", "robots.glimpse"):
+        monkeypatch.setattr(f"mapgraft.recording.{module}.MOST_EDGES", 10)
+    file = drive(record())
+    for k in range(30):
+        file.tf(5.0 + k / 10, "map", f"tag{k}")
+    found = mission(file.write())
+    assert len(list(found.observations())) == 80
+    ((key, count),) = faults(found).items()
+    assert key == ("too_many_frames", "/tf") and 20 <= count < 30
+
+
 def test_a_transform_that_closes_a_loop_costs_nothing_but_itself(record, mission):
     file = drive(record())
     for k in range(50):
@@ -255,6 +268,21 @@ def test_an_event_that_all_heard_brings_recorders_together(record, mission):
     assert moved == {"a": 0, "b": -3 * 10**9}
     with pytest.raises(ConfigError, match=r"mission\.common_event: no file has messages on '/bell'"):
         mission([path_a, path_b], common_event="/bell")
+
+
+@pytest.mark.parametrize(("alike", "said"), [(0, "no message"), (1, "only 1 message"), (2, "only 2 messages")])
+def test_an_event_that_too_few_heard_moves_no_clock_and_that_is_said(record, mission, alike, said):
+    paths = []
+    for name, ahead_s in (("a", 0.0), ("b", 3.0)):
+        file = record(name)
+        file.drive(10, from_s=0.0)
+        for k in range(5):
+            file.pose(1.0 + k, "world", float(k) + (0.0 if k < alike else ahead_s), 0.0, 0.0, "/beacon")
+        paths.append(file.write())
+    found = mission(paths, common_event="/beacon")
+    assert all(robot.shift_ns == 0 for robot in found.robots)
+    (remark,) = [r for robot in found.robots for r in robot.remarks if "common_event" in r]
+    assert remark.startswith(f"mission.common_event: {said} on /beacon came to b.mcap as to a.mcap, byte for byte")
 
 
 def test_info_tells_it_all(record, mission):

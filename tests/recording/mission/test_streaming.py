@@ -97,17 +97,6 @@ def test_scans_without_a_pose_are_counted_by_cause(record, mission):
     assert len(list(wide.observations())) == 20
 
 
-def test_a_tree_with_two_parents_is_not_guessed_at(record, mission):
-    file = record().drive(4)
-    for k in range(81):
-        file.tf(k / 20, "map", "base_link", 7.0)
-    found = mission(file.write())
-    assert not list(found.observations())
-    assert causes(found) == {"two_parents": 20}
-    chosen = mission(file.write(), {"run": {"poses": {"map_frame": "odom"}}})
-    assert len(list(chosen.observations())) == 20
-
-
 def test_scans_recorded_out_of_order_come_in_order(record, mission):
     file = record().drive(8, scans=False)
     for k in range(35):

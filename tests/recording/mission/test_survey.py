@@ -52,7 +52,7 @@ def test_lost_scans_robots_and_shifts_are_told(record):
     found = look([blind.write(), late.write(), other.write()])
     assert [robot.source.name for robot in found.robots] == ["late", "other"]
     assert any(p.startswith("robot blind cannot be mapped: its scans on /scan have no poses") for p in found.problems)
-    assert any("1 of 21 scans on /scan were left out (after_last)" in p for p in found.problems)
+    assert any("1 of 21 scans on /scan was left out (after_last)" in p for p in found.problems)
     assert any(r.startswith("other: its stamps are shifted by -100.000 s") for r in found.remarks)
 
 

@@ -23,7 +23,7 @@ from mapgraft.experiments.andersone2021.outcome import Experiment, Merge, Search
 from mapgraft.experiments.andersone2021.settings import MAP_TYPE, METRICS, Combination, Settings
 from mapgraft.experiments.andersone2021.watching import Watcher
 from mapgraft.plugins import Plugins
-from mapgraft.procedures import Tools, Workshop, blaming
+from mapgraft.procedures import Tools, Workshop
 from mapgraft.substitution import substituted
 
 Progress = Callable[[int, int, int], None]  # merges found so far, merges wanted, pairs drawn
@@ -158,17 +158,15 @@ class Laboratory:
     def graft(self, pair: Pair, match: Match) -> Graft:
         """The pair with the contribution that the paper's fuser makes of the donor's map."""
         donor = Donation(pair.donor.layer, Provenance(DONOR, 1, len(pair.donor.observations)))
-        with blaming(self.tools):
-            return Graft(pair, match, self.tools.fuser.fuse(pair.receiver.map_type, pair.receiver.map, donor, match))
+        return Graft(pair, match, self.tools.fuser.fuse(pair.receiver.map_type, pair.receiver.map, donor, match))
 
     def _graft(self, seek: _Seek, plan: PairPlan) -> Graft | None:
         """The pair with its donor fused in, where the paper's rules accept a match."""
         pair = self.built(plan, seek.combination)
         try:
-            with blaming(self.tools):
-                found = self.tools.matcher.match(pair.receiver.map, pair.donor.map, None)
-                candidates = [self._candidate(pair, match) for match in found[: self.tools.rule.candidates]]
-                decision = self.tools.acceptor.accept(candidates)
+            found = self.tools.matcher.match(pair.receiver.map, pair.donor.map, None)
+            candidates = [self._candidate(pair, match) for match in found[: self.tools.rule.candidates]]
+            decision = self.tools.acceptor.accept(candidates)
         except MapError:  # too little is in one of the maps
             candidates = []
         if not candidates:

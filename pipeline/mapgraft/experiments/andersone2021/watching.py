@@ -12,7 +12,7 @@ from mapgraft.evaluation.scored import better_of, measured
 from mapgraft.evaluation.statistics import Better
 from mapgraft.experiments.andersone2021.keeping import Graft
 from mapgraft.experiments.andersone2021.outcome import Watched
-from mapgraft.procedures import Tools, Workshop, blaming
+from mapgraft.procedures import Tools, Workshop
 
 State = Literal["provisional", "confirmed"]
 
@@ -34,9 +34,7 @@ class Watcher:
         ruling = self.table.choose(facts_of(own, other))
         if ruling.rule is None or ruling.rejected:
             return Watched("", "", ruling.reason, {}, {})
-        tools = self.workshop.tools(ruling.rule)
-        with blaming(tools):
-            return self._watched(graft, tools)
+        return self._watched(graft, self.workshop.tools(ruling.rule))
 
     def _watched(self, graft: Graft, tools: Tools) -> Watched:
         reversal = graft.merged("ledger")

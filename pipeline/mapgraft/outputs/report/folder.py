@@ -110,8 +110,8 @@ def open_run(path: Path) -> FinishedRun:
     if not (path / SUMMARY).is_file():
         if unfinished := sorted(path.glob(f"*{MERGE_RECORDING}{SUFFIX}")):
             raise UsageError(
-                f"the run in {path} is not finished ({unfinished[0].name} was left behind): run it again; what it had "
-                "decided can be read with mapgraft.outputs.read_back.read_events"
+                f"the run in {path} is not finished ({unfinished[0].name} is there): wait for it, or run it again if "
+                "it was ended; what it has decided can be read with mapgraft.outputs.read_back.read_events"
             )
         raise UsageError(f"{path} is not the folder of a run: it has no {SUMMARY}; give what mapgraft run wrote")
     summary, mission = (_json(path, name) for name in (SUMMARY, "mission.json"))

@@ -20,6 +20,7 @@ _ADD, _DELETE, _DELETE_ALL = 0, 2, 3  # actions of visualization_msgs/Marker
 _LINE_STRIP, _LINE_LIST, _CUBE_LIST = 4, 5, 6  # types of visualization_msgs/Marker
 _FREE_SPACE: Final = "free"  # the namespace of markers that show what is free, as the contract has it
 _MOST_POINTS: Final = 4_000_000  # of one list of cubes
+_CELLS_AT_ONCE: Final = 1_000_000
 _LARGEST: Final = 6000  # cells along a side that are looked at one by one
 
 
@@ -90,12 +91,18 @@ class Canvas:
                 whole = (slice(inside_y[0], inside_y[-1] + 1), slice(inside_x[0], inside_x[-1] + 1))
                 out[whole] = raster.cells[rows][:, columns]
             return out
-        at_row, at_column = np.nonzero(raster.cells)
-        rows = np.floor((raster.y_m + (at_row + 0.5) * raster.cell_m - self.y_m) / self.cell_m).astype(np.intp)
+        step = max(1, _CELLS_AT_ONCE // raster.cells.shape[1])
+        for top in range(0, len(raster.cells), step):  # where each cell goes takes a hundred times its memory
+            self._add(out, raster, top, raster.cells[top : top + step])
+        return out
+
+    def _add(self, out: Cells, raster: Raster, top: int, cells: Cells) -> None:
+        """Draw some rows of a map, those from ``top`` on, whose cells are smaller than the canvas'."""
+        at_row, at_column = np.nonzero(cells)
+        rows = np.floor((raster.y_m + (top + at_row + 0.5) * raster.cell_m - self.y_m) / self.cell_m).astype(np.intp)
         columns = np.floor((raster.x_m + (at_column + 0.5) * raster.cell_m - self.x_m) / self.cell_m).astype(np.intp)
         inside = (rows >= 0) & (rows < self.rows) & (columns >= 0) & (columns < self.columns)
-        np.maximum.at(out, (rows[inside], columns[inside]), raster.cells[at_row[inside], at_column[inside]])
-        return out
+        np.maximum.at(out, (rows[inside], columns[inside]), cells[at_row[inside], at_column[inside]])
 
 
 def raster_of(message_type: str, message: Any) -> Raster | None:

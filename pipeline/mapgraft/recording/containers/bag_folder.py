@@ -10,7 +10,7 @@ from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Self, TypeVar
 
 from mapgraft.contracts.sources import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText, Source
 from mapgraft.errors import RecordingError
@@ -19,8 +19,10 @@ from mapgraft.recording.containers.limits import DEFAULT_LIMITS, ReadLimits
 from mapgraft.recording.containers.mcap_file import McapSource
 from mapgraft.recording.containers.scanning import scans_of
 from mapgraft.recording.containers.sqlite_file import SqliteSource
-from mapgraft.recording.containers.zstd_files import unpack_file, unpack_message
+from mapgraft.recording.containers.zstd_files import Unpacking, unpack_message
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE
+
+T = TypeVar("T", RawMessage, RecordedScan)
 
 
 class BagFolderSource:
@@ -53,11 +55,13 @@ class BagFolderSource:
     def _open(self, layout: BagLayout, typestore: str) -> list[Source]:
         parts: list[Source] = []
         problems: list[RecordingError] = []
+        unpacking = None
+        if self._workspace is not None:
+            packed_bytes = sum(file.stat().st_size for file in layout.files)
+            unpacking = Unpacking(Path(self._workspace.name), packed_bytes, self._limits)
         for file in layout.files:
             try:
-                stored = file
-                if self._workspace is not None:
-                    stored = unpack_file(file, Path(self._workspace.name), self._limits)
+                stored = file if unpacking is None else unpacking.unpack(file)
                 parts.append(_open_storage(stored, typestore, self._limits))
             except RecordingError as error:
                 problems.append(error)
@@ -83,8 +87,7 @@ class BagFolderSource:
         self, topics: Collection[str] | None = None, start_ns: int | None = None, end_ns: int | None = None
     ) -> Iterator[RawMessage]:
         """See ``Source.messages``."""
-        parts = (self._messages(n, topics, start_ns, end_ns) for n in range(len(self._parts)))
-        return heapq.merge(*parts, key=attrgetter("log_ns"))
+        return _merged_in_order([self._messages(n, topics, start_ns, end_ns) for n in range(len(self._parts))])
 
     def _messages(
         self, part: int, topics: Collection[str] | None, start_ns: int | None, end_ns: int | None
@@ -102,8 +105,7 @@ class BagFolderSource:
         """See ``Source.scans``."""
         if self._packed_messages:
             return scans_of(self, topics, start_ns, end_ns, self._own_faults)
-        parts = (self._scans(n, topics, start_ns, end_ns) for n in range(len(self._parts)))
-        return heapq.merge(*parts, key=attrgetter("log_ns"))
+        return _merged_in_order([self._scans(n, topics, start_ns, end_ns) for n in range(len(self._parts))])
 
     def _scans(
         self, part: int, topics: Collection[str] | None, start_ns: int | None, end_ns: int | None
@@ -135,6 +137,10 @@ class BagFolderSource:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _merged_in_order(parts: Sequence[Iterator[T]]) -> Iterator[T]:
+    return parts[0] if len(parts) == 1 else heapq.merge(*parts, key=attrgetter("log_ns"))
 
 
 def _open_storage(file: Path, typestore: str, limits: ReadLimits) -> Source:

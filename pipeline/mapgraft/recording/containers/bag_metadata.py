@@ -11,6 +11,7 @@ from typing import Any
 from mapgraft.contracts.sources import ReadFaults
 from mapgraft.documents import parse_yaml, read_text
 from mapgraft.errors import RecordingError
+from mapgraft.recording.naming import real_path
 
 METADATA = "metadata.yaml"
 SUFFIXES = (".db3", ".mcap")
@@ -37,11 +38,12 @@ def read_layout(folder: Path, faults: ReadFaults) -> BagLayout:
         return told
     found = sorted((path for path in folder.iterdir() if path.suffix in SUFFIXES), key=_part_number)
     if not found:
-        raise RecordingError(f"{folder} is a folder without a ROS 2 bag: it has no {METADATA}, .db3 or .mcap file")
+        held = f"it has no {METADATA}, .db3 or .mcap file; name files of other kinds one by one"
+        raise RecordingError(f"{folder} is a folder without a ROS 2 bag: {held}")
     if len({(_part_name(path), path.suffix) for path in found}) > 1:
         names = ", ".join(path.name for path in found[:4])
         raise RecordingError(f"{folder} holds several recordings ({names}, …) without {METADATA}: name the files")
-    faults.add("metadata_missing", f"{folder} has no usable {METADATA}: its {len(found)} file(s) are read by name")
+    faults.add("metadata_missing", f"the folder has no usable {METADATA}: its {len(found)} file(s) are read by name")
     return BagLayout(tuple(found))
 
 
@@ -54,18 +56,19 @@ def _told(folder: Path, faults: ReadFaults) -> BagLayout | None:
         compression = _compression(folder, information)
     except (_UnusableError, AttributeError, KeyError, TypeError) as error:
         why = error if isinstance(error, _UnusableError) else type(error).__name__
-        faults.add("metadata_damaged", f"{folder / METADATA} cannot be used ({why}): it is left aside")
+        faults.add("metadata_damaged", f"{METADATA} cannot be used ({why}): it is left aside")
         return None
-    files = []
+    files: dict[Path, Path] = {}  # by where they lead to
     for number, name in enumerate(names):
         path = folder / name
         if path.is_file():
-            files.append(path)
+            if files.setdefault(real_path(path), path) is not path:
+                faults.add("metadata_damaged", f"{METADATA} names {name} more than once: it counts once", place=number)
         else:
-            faults.add("part_missing", f"{name}, a part of the bag, is not in {folder}", place=number)
+            faults.add("part_missing", f"{name}, a part of the bag, is not in its folder", place=number)
     if not files:
         raise RecordingError(f"no file that {folder / METADATA} names is there ({', '.join(names) or 'none'})")
-    return BagLayout(tuple(files), compression)
+    return BagLayout(tuple(files.values()), compression)
 
 
 def _parsed(path: Path) -> object:

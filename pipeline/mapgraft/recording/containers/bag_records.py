@@ -149,8 +149,8 @@ def indexed_times(view: memoryview, offset: int) -> IndexedTimes:
 
 
 class BagMessages(NamedTuple):
-    """The wanted messages of a chunk; ``broken`` when its records do not add up to its content, ``strangers`` how many
-    messages are of no connection of the bag.
+    """The wanted messages of a chunk; ``broken`` when its records do not add up to its content or are none that chunks
+    have, ``strangers`` how many messages are of no connection of the bag.
     """
 
     found: list[RawMessage]
@@ -160,15 +160,18 @@ class BagMessages(NamedTuple):
 
 def bag_messages(data: bytes | memoryview, want: Wanted) -> BagMessages:
     """The wanted messages of a chunk's content by log time, equal times as they were written; views into ``data``."""
-    view, found, reached, strangers = memoryview(data), list[RawMessage](), 0, 0
+    view, found, reached, strangers, odd = memoryview(data), list[RawMessage](), 0, 0, False
     for record in bag_records(view, 0, len(view)):
         if not record.whole:
             break
         reached = record.end
         if record.op == OP_MESSAGE:
-            strangers += _take(record, view, want, found)
+            stranger, placed = _take(record, view, want, found)
+            strangers, odd = strangers + stranger, odd or not placed
+        elif record.op != OP_CONNECTION:  # there is nothing else in chunks
+            odd = True
     found.sort(key=_log_ns)
-    return BagMessages(found, reached != len(view), strangers)
+    return BagMessages(found, odd or reached != len(view), strangers)
 
 
 def bag_messages_at(data: bytes | memoryview, want: Wanted, times: IndexedTimes) -> list[RawMessage]:
@@ -198,10 +201,10 @@ def _there(view: memoryview, times: IndexedTimes) -> Iterator[BagRecord]:
             yield record
 
 
-def _take(record: BagRecord, view: memoryview, want: Wanted, found: list[RawMessage]) -> bool:
-    """Append a message if it is wanted; whether it is of no connection of the bag."""
+def _take(record: BagRecord, view: memoryview, want: Wanted, found: list[RawMessage]) -> tuple[bool, bool]:
+    """Append a message if it is wanted; whether it is of no connection of the bag, and if it says which and when."""
     connection_id, log_ns = number(record.fields, b"conn"), time_ns(record.fields, b"time")
     channel = want.channels.get(connection_id) if connection_id is not None else None
     if channel is not None and log_ns is not None and want.start_ns <= log_ns <= want.end_ns:
         found.append(RawMessage(channel, log_ns, view[record.begin : record.end]))
-    return connection_id not in want.declared
+    return connection_id not in want.declared, connection_id is not None and log_ns is not None

@@ -105,7 +105,7 @@ class CarmenSource:
             self.end_ns = time.log_ns
             if time.stamp_ns < newest_ns.get(keyword, time.stamp_ns):
                 sentence = f"{keyword} lines were written out of order: they keep their own stamps"
-                self.faults.add("stamp_backward", sentence, topic=keyword)
+                self.faults.add("lines_out_of_order", sentence, topic=keyword)
             newest_ns[keyword] = max(newest_ns.get(keyword, time.stamp_ns), time.stamp_ns)
         return counts
 

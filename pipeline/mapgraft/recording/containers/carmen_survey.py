@@ -27,7 +27,7 @@ class RangeSurvey:
     def see(self, ranges_m: NDArray[np.float32], stated_max_m: float) -> None:
         finite = ranges_m[np.isfinite(ranges_m) & (ranges_m > 0)]
         centimetres = np.minimum(np.round(finite / _BIN_M), _BINS - 1).astype(np.int64)
-        self.histogram += np.bincount(centimetres, minlength=_BINS)
+        np.add.at(self.histogram, centimetres, 1)
         self.stated_max_m = stated_max_m
 
     @property

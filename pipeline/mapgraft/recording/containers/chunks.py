@@ -182,18 +182,18 @@ class _Reader(Generic[T]):
 
 
 def note_damage(faults: ReadFaults, offset: int, content: Content) -> None:
-    """Count a chunk that could not be read, or not wholly."""
-    if content.damage and content.data:
+    """Count a damaged chunk, which could not be read, or not wholly."""
+    if content.data:
         sentence = f"the chunk at byte {offset} {content.damage}: only its beginning is read"
         faults.add("chunk_partial", sentence, place=offset)
-    elif content.damage:
+    else:
         faults.add("chunk_damaged", f"the chunk at byte {offset} {content.damage}: it is left out", place=offset)
 
 
 def note_lost(faults: ReadFaults, offset: int, topic: str, count: int) -> None:
     """Count messages of a topic that are known to lie in the damaged part of a chunk."""
     if count > 0:
-        sentence = f"a message is lost with the chunk at byte {offset}, which is damaged"
+        sentence = f"a message is lost with the chunk at byte {offset}"
         faults.add(MESSAGES_LOST, sentence, topic=topic, place=offset, count=count)
 
 

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 from mapgraft.errors import RecordingError
 
-FREE_BYTES = 1 << 30
+FREE_BYTES = 256 << 20
 """So much a file may unpack to, however small it is."""
-
 
 FREE_TEXT_BYTES = 16 << 20
 TEXT_SHARE = 0.1
@@ -28,11 +27,15 @@ class ReadLimits:
 
     def check_expansion(self, path: object, packed_bytes: int, unpacked_bytes: int) -> None:
         """Raise RecordingError when a file of ``packed_bytes`` unpacks, by what it says, to more than it may."""
-        if unpacked_bytes > max(FREE_BYTES, self.expansion * packed_bytes):
+        if unpacked_bytes > self.unpacked_bytes(packed_bytes):
             raise RecordingError(
                 f"{path} has {packed_bytes:,} bytes and says that it unpacks to {unpacked_bytes:,}, more than "
                 f"{self.expansion:g} times its size: raise limits.expansion if you trust it"
             )
+
+    def unpacked_bytes(self, packed_bytes: int) -> float:
+        """How many bytes a file of ``packed_bytes`` may unpack to."""
+        return max(FREE_BYTES, self.expansion * packed_bytes)
 
     def text_bytes(self, packed_bytes: int) -> int:
         """How much of a compressed text of ``packed_bytes`` is read."""

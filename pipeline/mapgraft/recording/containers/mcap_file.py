@@ -36,6 +36,7 @@ from mapgraft.recording.containers.inflate import Content
 from mapgraft.recording.containers.latching import is_latched
 from mapgraft.recording.containers.limits import DEFAULT_LIMITS, ReadLimits
 from mapgraft.recording.containers.mapping import map_file
+from mapgraft.recording.containers.mcap_described import renamed_messages
 from mapgraft.recording.containers.mcap_index import McapIndex, read_index
 from mapgraft.recording.containers.mcap_messages import messages, spans
 from mapgraft.recording.containers.mcap_records import MAGIC, chunk_content
@@ -77,6 +78,7 @@ class McapSource:
         self.start_ns, self.end_ns = index.start_ns, index.end_ns
         self._places = index.places
         self._stated = index.stated
+        self._renamings = index.renamings
         self._codecs: dict[int, Codec] = {}
         self._schemas: dict[int, SchemaText] = {}
         self.channels = tuple(self._channel(record, index, typestore) for _, record in sorted(index.channels.items()))
@@ -166,7 +168,9 @@ class McapSource:
         return content._replace(costly=True) if self._is_elsewhere else content  # worth to be read ahead
 
     def _parse(self, want: Wanted, place: Place, content: Content) -> list[RawMessage]:
-        found, broken, strangers = messages(content.data, want)
+        renamings = self._renamings.get(place.offset)
+        out = renamed_messages(content.data, want, renamings) if renamings else messages(content.data, want)
+        found, broken, strangers = out
         if broken and not content.damage:
             content = content._replace(damage="has a broken record")
         if content.damage:

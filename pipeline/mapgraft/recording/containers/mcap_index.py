@@ -12,6 +12,7 @@ from mapgraft.contracts.sources import ReadFaults
 from mapgraft.recording.containers.chunks import Place, note_damage
 from mapgraft.recording.containers.inflate import Content
 from mapgraft.recording.containers.limits import ReadLimits
+from mapgraft.recording.containers.mcap_described import Descriptions, Renaming
 from mapgraft.recording.containers.mcap_messages import Spans, spans
 from mapgraft.recording.containers.mcap_records import (
     MAGIC,
@@ -35,7 +36,8 @@ class McapIndex:
 
     ``counts`` is None where nobody counted the messages per channel; ``stated`` is what the writer counted.
     ``unpacked_bytes`` is how much all chunks together say they hold; ``damaged`` holds the chunks that were found
-    broken, each with what can be read of it.
+    broken, each with what can be read of it; ``renamings`` those by their offset in which ids stand for others than the
+    first of that id.
     """
 
     schemas: dict[int, Schema] = field(default_factory=dict)
@@ -46,6 +48,7 @@ class McapIndex:
     unpacked_bytes: int = 0
     damaged: list[tuple[Place, Content]] = field(default_factory=list)
     redefined: set[int] = field(default_factory=set)
+    renamings: dict[int, Sequence[Renaming]] = field(default_factory=dict)
     supposed: list[Schema | ChannelRecord] = field(default_factory=list)
 
     @property
@@ -57,12 +60,15 @@ class McapIndex:
         return max((place.end_ns for place in self.places if _has_time(place)), default=None)
 
     def declare(self, value: object) -> None:
-        """Take in a schema or a channel; the first of an id holds."""
+        """Take in a schema or a channel; the first of an id holds, and a different one is remembered."""
         if isinstance(value, Schema):
-            self.schemas.setdefault(value.id, value)
+            text = self.schemas.setdefault(value.id, value)
+            if (text.name, text.encoding, text.data) != (value.name, value.encoding, value.data):
+                self.redefined.update(c.id for c in self.channels.values() if c.schema_id == value.id)
         elif isinstance(value, ChannelRecord):
             known = self.channels.setdefault(value.id, value)
-            if (known.topic, known.schema_id) != (value.topic, value.schema_id):
+            said = (value.topic, value.message_encoding, value.schema_id)
+            if (known.topic, known.message_encoding, known.schema_id) != said:
                 self.redefined.add(value.id)
 
     def suppose(self, value: object) -> None:
@@ -105,6 +111,8 @@ def read_index(view: Octets, faults: ReadFaults, limits: ReadLimits) -> McapInde
     filler.open_for_channels(told)
     for value in () if sure else values:  # the chunks' own descriptions go before those that no checksum vouches for
         (index.declare if summary is not None and summary.trusted else index.suppose)(value)
+    if not sure and (filler.joined or index.redefined):
+        return _by_all_descriptions(view, faults, limits)
     _adopt(index, faults)
     _take_statistics(summary, index, told, found)
     if not found:
@@ -138,6 +146,7 @@ class _Filler:
         self._faults = faults
         self._limits = limits
         self._known = bool(index.channels)
+        self.joined = False
 
     def walk(self, gaps: Iterator[tuple[int, int]]) -> int:
         """Take in what lies in the gaps; how many chunks and blocks of messages there were."""
@@ -148,6 +157,7 @@ class _Filler:
             for piece in walk.pieces(begin, end):
                 found += 1
                 self._take(piece)
+            self.joined |= walk.joined
         return found
 
     def _take(self, piece: Piece) -> None:
@@ -204,6 +214,33 @@ class _Filler:
                     index.damaged.append((place, content._replace(suspect=b"")))
 
 
+def _by_all_descriptions(view: memoryview, faults: ReadFaults, limits: ReadLimits) -> McapIndex:
+    """The index of a file in which ids stand for several things: all is opened, in the order of the file."""
+    index, described = McapIndex(), Descriptions()
+    for piece in Walk(view, faults, described.declare).pieces(len(MAGIC), len(view)):
+        content = chunk_content(view, piece.offset, piece.end, limits)
+        found, renamings = described.look_through(content.data)
+        spans(content.suspect, index.suppose)
+        index.count(found.counts)
+        channels = dict.fromkeys(found.counts, 0)
+        place = Place(piece.offset, piece.end, found.start_ns, found.end_ns, channels)
+        if renamings:
+            index.renamings[piece.offset] = renamings
+        if content.damage:
+            note_damage(faults, piece.offset, content)
+            index.damaged.append((place, content._replace(suspect=b"")))
+        if found.counts:
+            index.places.append(place)
+    index.schemas, index.channels = described.schemas, described.channels
+    _adopt(index, faults)
+    for number, told in sorted(described.told.items()):
+        if number != told:
+            topic = described.channels[number].topic
+            sentence = f"the channel {told} is described again, as another: messages behind that are read as it says"
+            faults.add("channel_redefined", sentence, topic=topic, place=number)
+    return index
+
+
 def _opened_place(piece: Piece, found: Spans) -> Place:
     channels = {channel: piece.indexes.get(channel, 0) for channel in found.counts}
     return Place(piece.offset, piece.end, found.start_ns, found.end_ns, channels)
@@ -224,7 +261,7 @@ def _adopt(index: McapIndex, faults: ReadFaults) -> None:
             sentence = "its description lies in a damaged part of the file and is the only one: it may be wrong"
             faults.add("channel_doubtful", sentence, topic=channel.topic, place=number)
         if number in index.redefined:
-            sentence = f"the channel {number} is described twice, differently: the first description holds"
+            sentence = f"the channel {number} is described twice, differently: what the summary says holds"
             faults.add("channel_redefined", sentence, topic=channel.topic, place=number)
 
 
@@ -248,9 +285,8 @@ def _distrust_indexes(index: McapIndex, told: Sequence[ChunkIndex], faults: Read
 
 def _take_statistics(summary: Summary | None, index: McapIndex, told: Sequence[ChunkIndex], found: int) -> None:
     """What the writer counted, where it did and where not everything was counted here."""
-    if not told and found and index.counts is not None:
-        return
     statistics = () if summary is None or not summary.trusted else summary.values
     counted = next((dict(value.channel_message_counts) for value in statistics if isinstance(value, Statistics)), None)
     index.stated = counted
-    index.counts = counted if told or index.counts is None else index.counts
+    if told or index.counts is None:
+        index.counts = counted

@@ -80,7 +80,7 @@ def indexed_counts(view: Octets, indexes: Mapping[int, int]) -> dict[int, int]:
 def _entries(view: Octets, at: int, channel_id: int) -> Entries | None:
     try:
         opcode, length, channel, size = unpacked(_INDEX_HEAD, view, at)
-    except struct.error:
+    except (struct.error, OverflowError):  # an offset beyond all memory
         return None
     if opcode != OPCODE_MESSAGE_INDEX or channel != channel_id or size != length - 6 or size % 16:
         return None
@@ -137,7 +137,7 @@ def _head_type(layout: Layout) -> np.dtype[np.void]:
         "channel": ("<u2", 9),
         "log_ns": ("<u8", 15),
         "encapsulation": ("<u2", message),
-        "sec": (layout.seconds, message + 4),
+        "sec": ("<i4", message + 4),
         "nanosec": ("<u4", message + 8),
         "frame_bytes": ("<u4", message + 12),
         "frame": (f"S{layout.frame_bytes}", message + 16),

@@ -21,6 +21,7 @@ from mapgraft.recording.containers.mcap_records import (
     parsed,
     records,
 )
+from mapgraft.recording.containers.mcap_shapes import next_beginning
 from mapgraft.recording.containers.octets import Octets
 
 _WALKED = "the file is walked instead"
@@ -62,14 +63,16 @@ def read_summary(view: Octets, faults: ReadFaults) -> Summary | None:
 def believable_chunks(view: Octets, summary: Summary | None, faults: ReadFaults) -> list[ChunkIndex]:
     """The entries of the chunk index that can all be true at once, by where they begin; none without a summary.
 
-    As long as the chunks lie one behind the other and the summary has a checksum, no chunk is looked at.
+    As long as the chunks lie one behind the other, the summary has a checksum, and the first and the last chunk are
+    where it says, no other chunk is looked at.
     """
     if summary is None or not summary.trusted:
         return []
     told = sorted((v for v in summary.values if isinstance(v, ChunkIndex)), key=attrgetter("chunk_start_offset"))
     kept = _disjoint(told, summary.begin)
     orderly = all(_behind(one) <= other.chunk_start_offset for one, other in pairwise(told))
-    if not (summary.checked and orderly and len(kept) == len(told)):
+    moved = any(_is_elsewhere(view, kept[:n]) for n in {1, len(kept)} if kept)
+    if moved or not (summary.checked and orderly and len(kept) == len(told)):
         kept = _disjoint([value for value in told if _is_there(view, value)], summary.begin)
     if len(kept) < len(told):
         sentence = f"{len(told) - len(kept)} of {len(told)} entries of the recording's chunk index cannot be true"
@@ -98,3 +101,12 @@ def _is_there(view: Octets, value: ChunkIndex) -> bool:
     """Whether there is a chunk of that length at that place."""
     record = next(records(view, value.chunk_start_offset, len(view)), None)
     return record is not None and record.opcode == OPCODE_CHUNK and record.end == record.offset + value.chunk_length
+
+
+def _is_elsewhere(view: memoryview, told: Sequence[ChunkIndex]) -> bool:
+    """Whether the last of these chunks is not where it should be, but begins between the one before and its own end."""
+    if _is_there(view, told[-1]):
+        return False
+    end = told[-1].chunk_start_offset + told[-1].chunk_length
+    begin = _behind(told[-2]) if len(told) > 1 else len(MAGIC)
+    return next_beginning(view, begin, end, bare=False) < end

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
@@ -31,6 +32,8 @@ from mapgraft.recording.containers.octets import Octets
 BARE_BLOCK_BYTES = 1 << 20
 """Messages outside chunks are read in blocks of about this size."""
 
+_ANOTHER = re.compile(re.escape(MAGIC) + b"\x01")  # and the header, which every file begins with
+
 
 @dataclass(slots=True)
 class Piece:
@@ -56,6 +59,7 @@ class Walk:
         self._view = view
         self._faults = faults
         self._declare = declare
+        self.joined = False  # whether another file begins in the middle of this one
         self._bare = False
         self._broken = False  # since the piece at hand
 
@@ -103,6 +107,7 @@ class Walk:
                 yield record
                 at = record.end
             elif bytes(view[at : at + len(MAGIC)]) == MAGIC:  # the end, or another file joined to this one
+                self.joined |= _ANOTHER.match(view, at) is not None
                 at += len(MAGIC)
             else:
                 found = next_beginning(view, at + 1, stop, bare=self._bare)
@@ -126,5 +131,6 @@ class Walk:
         self._broken = True
         if end == stop == len(self._view) and self._view[begin] in KNOWN_OPCODES:
             return  # a record that the file's end cuts
+        self.joined |= _ANOTHER.search(self._view, begin, end) is not None
         sentence = f"{end - begin} bytes at byte {begin} cannot be read as records: they are skipped"
         self._faults.add("records_damaged", sentence, place=begin)

@@ -19,6 +19,7 @@ from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, known_typestor
 _GLANCE_BYTES = 1 << 16
 _PACKED = {b"BZh": "bunzip2", b"\xfd7zXZ": "unxz", b"\x28\xb5\x2f\xfd": "unzstd", b"PK\x03\x04": "unzip"}
 _CARMEN_SUFFIXES = (".clf", ".gfs", ".clf.gz", ".gfs.gz")
+_SUFFIXES = (".mcap", ".bag", ".bag.active", ".db3", ".log", ".log.gz", *_CARMEN_SUFFIXES)
 _KINDS = "MCAP, ROS 1 bag, ROS 2 bag, CARMEN log or TUM trajectory"
 
 
@@ -27,6 +28,12 @@ class Reader(NamedTuple):
 
     suffixes: tuple[str, ...]
     open: Callable[[Path], object]
+
+
+def is_named_as_recording(path: Path, readers: Sequence[Reader] = ()) -> bool:
+    """Whether there is something at the path, a folder or a file, that is called as recordings are."""
+    suffixes = (*_SUFFIXES, *(suffix for reader in readers for suffix in reader.suffixes))
+    return path.is_dir() or (path.is_file() and path.name.endswith(suffixes))
 
 
 def open_source(

@@ -16,16 +16,23 @@ from mapgraft.recording.containers.latching import keeps_last
 from mapgraft.recording.containers.limits import DEFAULT_LIMITS, ReadLimits
 from mapgraft.recording.containers.scanning import scans_of
 from mapgraft.recording.containers.selection import Wanted, wanted
+from mapgraft.recording.containers.sqlite_opening import StepLimit, open_database, plain_tables
 from mapgraft.recording.containers.sqlite_salvage import SalvagedBag
 from mapgraft.recording.containers.sqlite_topics import Topic, read_topics
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, Undecodable, codec_for
 from mapgraft.recording.decoding.names import message_type
 
-MAGIC = b"SQLite format 3\0"
-
 _INT64 = 2**63
-_TABLES = "SELECT name FROM sqlite_master WHERE type = 'table'"
-_COUNTS = "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages GROUP BY topic_id"
+_BROKEN = (sqlite3.Error, UnicodeDecodeError, AttributeError, TypeError, LookupError, OverflowError, MemoryError)
+# In one pass over the rows' heads: the LIMIT keeps SQLite from sorting whole rows, and a value of another type, which
+# may be large and shared by many rows, is not loaded.
+_COUNTS = """
+    SELECT topic, COUNT(*), MIN(time), MAX(time), COUNT(*) - COUNT(time), TOTAL(size) FROM (
+        SELECT CASE typeof(topic_id) WHEN 'integer' THEN topic_id END AS topic,
+            CASE typeof(timestamp) WHEN 'integer' THEN timestamp END AS time,
+            CASE typeof(data) WHEN 'blob' THEN length(data) END AS size FROM messages LIMIT -1
+    ) GROUP BY topic
+"""
 _ROWS = """
     SELECT id, topic_id, timestamp, data FROM messages
     WHERE (timestamp, id) > (?, ?) AND timestamp BETWEEN ? AND ? AND topic_id IN ({}) ORDER BY timestamp, id
@@ -46,8 +53,9 @@ class SqliteSource:
         self.faults = ReadFaults()
         self._limits = limits
         self._salvaged: SalvagedBag | None = None
-        self._database = _open(path, self.faults)
+        self._database = open_database(path, self.faults, limits)
         weakref.finalize(self, self._database.close)
+        self._steps = StepLimit(self._database, path)
         self._codecs: dict[int, Codec] = {}
         self._schemas: dict[int, SchemaText] = {}
         topics, counts = self._contents()
@@ -58,17 +66,8 @@ class SqliteSource:
         self.start_ns: int | None = None
         self.end_ns: int | None = None
         try:
-            tables = {name for (name,) in self._database.execute(_TABLES)}
-            if not {"topics", "messages"} <= tables:
-                self._database.close()
-                raise RecordingError(
-                    f"{self.path} is a database but no ROS 2 bag: it has no tables of topics and messages"
-                )
-            topics = read_topics(self._database, tables)
-            rows = self._database.execute(_COUNTS).fetchall()
-            if not all(isinstance(value, int) for row in rows for value in row):
-                raise TypeError("times and topics must be numbers")
-        except (sqlite3.Error, UnicodeDecodeError, AttributeError, TypeError) as error:
+            topics, rows = self._told()
+        except _BROKEN as error:
             salvaged = self._salvage(error)
             self.start_ns, self.end_ns = salvaged.span_ns
             return salvaged.topics, salvaged.counts
@@ -77,10 +76,29 @@ class SqliteSource:
             self.end_ns = max(end_ns for _, _, _, end_ns in rows)
         return topics, {number: count for number, count, _, _ in rows}
 
+    def _told(self) -> tuple[Sequence[Topic], list[tuple[int, int, int, int]]]:
+        """The topics, and the id, number of messages, first and last time of each; raises one of ``_BROKEN``."""
+        self._steps.begin()
+        tables, computed = plain_tables(self._database)
+        if computed or not {"topics", "messages"} <= tables:
+            self._database.close()
+            if computed:
+                raise RecordingError(f"{self.path} computes {computed} where recorders write: it is not read")
+            raise RecordingError(f"{self.path} is a database but no ROS 2 bag: it has no tables of topics and messages")
+        topics = read_topics(self._database, tables, self._limits.chunk_bytes)
+        self._steps.begin()
+        rows = self._database.execute(_COUNTS).fetchall()
+        if any(number is None or strange for number, _, _, _, strange, _ in rows):
+            raise TypeError("times and topics must be numbers")
+        if sum(size for *_, size in rows) > self._steps.stored_bytes:
+            raise TypeError("its rows share pages")
+        return topics, [row[:4] for row in rows]
+
     def _salvage(self, error: Exception) -> SalvagedBag:
         """What the pages hold, from now on read without SQLite; raises RecordingError when that is no bag."""
         if self._salvaged is None:
-            sentence = f"the database is damaged or cut off ({error}): the rows that are left in its pages are read"
+            why = str(error) or "it asks for too much memory"
+            sentence = f"the database is damaged or cut off ({why}): the rows that are left in its pages are read"
             self.faults.add("database_damaged", sentence, place=0)
             try:
                 self._salvaged = SalvagedBag(self.path, self._limits)
@@ -134,7 +152,7 @@ class SqliteSource:
                     last = (message.log_ns, row)
                     yield message
                 return
-            except (sqlite3.Error, TypeError, KeyError) as error:
+            except _BROKEN as error:
                 if isinstance(error, sqlite3.ProgrammingError):
                     raise RecordingError(f"{self.path} was closed while it was still being read") from error
                 self._note_missing(self._salvage(error))
@@ -146,10 +164,11 @@ class SqliteSource:
         """Rows and messages that come after a (log time, row)."""
         if not want.channels:
             return
+        self._steps.begin()
         marks = ",".join("?" * len(want.channels))
         window = (max(after[0], -_INT64), after[1], max(want.start_ns, -_INT64), min(want.end_ns, _INT64 - 1))
         for row, number, log_ns, data in self._database.execute(_ROWS.format(marks), (*window, *want.channels)):
-            if isinstance(log_ns, int) and isinstance(data, bytes):
+            if isinstance(row, int) and isinstance(log_ns, int) and isinstance(data, bytes):
                 yield row, RawMessage(want.channels[number], log_ns, data)
             else:
                 sentence = f"row {row} of the messages holds no time or no bytes: it is left out"
@@ -180,25 +199,3 @@ class SqliteSource:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def _open(path: Path, faults: ReadFaults) -> sqlite3.Connection:
-    """Open read-only; what a killed recorder left in its write-ahead log is read where the folder allows it."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(len(MAGIC))
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be read: {error.strerror or error}") from error
-    if head != MAGIC:
-        what = "empty (0 bytes)" if not head else "not a database"
-        raise RecordingError(f"{path} is {what}: it cannot be a ROS 2 bag")
-    address = path.resolve().as_uri() + "?mode=ro"
-    log = path.with_name(path.name + "-wal")
-    if log.exists() and log.stat().st_size:
-        try:
-            database = sqlite3.connect(address, uri=True, check_same_thread=False)
-            database.execute(_TABLES).fetchall()
-            return database
-        except sqlite3.Error:
-            faults.add("log_unread", f"{log.name} beside the bag cannot be read: the last messages may be missing")
-    return sqlite3.connect(f"{address}&immutable=1", uri=True, check_same_thread=False)

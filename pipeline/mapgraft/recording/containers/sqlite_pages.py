@@ -14,6 +14,7 @@ _HEADER_BYTES = 100  # of the database, on its first page
 _TABLE_LEAF = 0x0D
 _INTEGER_BYTES = (0, 1, 2, 3, 4, 6, 8)
 _MOST_COLUMNS = 64
+_MOST_BYTES = 1 << 31  # of a row; SQLite writes none that is larger
 _uint16 = struct.Struct(">H").unpack_from
 _uint32 = struct.Struct(">I").unpack_from
 
@@ -90,7 +91,7 @@ class Pages:
         end = (cell.page + 1) * self.page_bytes
         header, at = self._varint(cell.begin)
         stop = cell.begin + header
-        if not at < stop <= min(end, cell.begin + self._local_bytes(cell.size)):
+        if not at < stop <= min(end, cell.begin + self._local_bytes(cell.size)) or cell.size > _MOST_BYTES:
             return None
         found: list[int] = []
         while at < stop and len(found) < _MOST_COLUMNS:

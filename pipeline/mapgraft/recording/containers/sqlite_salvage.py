@@ -22,21 +22,24 @@ _BLOB = 12  # even serial types from here on are bytes, odd ones texts
 
 
 class SalvagedBag:
-    """The rows that the pages of a .db3 file hold. Raises ValueError when its head is broken.
+    """The rows that the pages of a .db3 file hold.
 
-    ``topics`` are by their ids; ``counts`` are messages per topic id, those included that turn out unreadable.
+    ``topics`` are by their ids; ``counts`` are messages per topic id, those included that turn out unreadable. Raises
+    ValueError when its head is broken, RecordingError when so many rows share pages that they would unpack to far more
+    than the file has.
     """
 
     def __init__(self, path: Path, limits: ReadLimits) -> None:
-        self._pages = Pages(map_file(path))
-        self._limits = limits
+        view = map_file(path)
+        self._pages, self._limits = Pages(view), limits
+        self._text_bytes = 0
         topics, definitions = dict[int, list[Value]](), dict[str, tuple[str, bytes]]()
         rows: dict[int, tuple[int, int, int, int, int]] = {}
         for cell in self._pages.cells():
             types = self._pages.types(cell)
             if types is None or not types or types[0] != 0:  # all tables begin with the number of the row
                 continue
-            if len(types) == 4 and types[3] >= _BLOB and types[3] % 2 == 0:
+            if len(types) == 4 and types[3] >= _BLOB and types[3] % 2 == 0 and max(types[1:3]) < _BLOB:
                 self._take_message(cell, types, rows)
             elif len(types) >= 4 and all(kind >= _BLOB and kind % 2 for kind in types[1:4]):
                 self._take_text(cell, types, topics, definitions)
@@ -44,6 +47,7 @@ class SalvagedBag:
         table = np.array(sorted(rows.values()), np.int64).reshape(-1, 5)
         self._rows: NDArray[np.int64] = table  # (n, 5): log time, row, topic, where its cell begins, its size
         self.counts: Counter[int] = Counter(table[:, 2].tolist())
+        limits.check_expansion(path, len(view), int(table[:, 4].sum(dtype=np.float64)))  # pages may be shared by many
 
     @property
     def span_ns(self) -> tuple[int | None, int | None]:
@@ -65,9 +69,11 @@ class SalvagedBag:
         topics: dict[int, list[Value]],
         definitions: dict[str, tuple[str, bytes]],
     ) -> None:
-        values = self._pages.values(cell, types, min(len(types), 5), self._limits.chunk_bytes)
+        left = self._limits.chunk_bytes - self._text_bytes
+        values = self._pages.values(cell, types, min(len(types), 5), left)
         if values is None:
             return
+        self._text_bytes += cell.size
         if values[2] in _DEFINITION_KINDS:
             definitions.setdefault(str(values[1]), (str(values[2]), str(values[3]).encode()))
         elif str(values[1]).startswith("/") and "/" in str(values[2]):
@@ -82,7 +88,10 @@ class SalvagedBag:
             cell = Cell(begin // self._pages.page_bytes, row, begin, size)
             data, types = self._pages.payload(cell, self._limits.chunk_bytes), self._pages.types(cell)
             if data is None or types is None:
-                sentence = f"message {row} of the database cannot be read: pages of it are missing or damaged"
+                why = "pages of it are missing or damaged"
+                if size > self._limits.chunk_bytes:
+                    why = f"it has more than {self._limits.chunk_bytes:,} bytes (limits.chunk_bytes)"
+                sentence = f"message {row} of the database cannot be read: {why}"
                 faults.add(MESSAGES_LOST, sentence, topic=channel.topic, place=row)
             else:
                 yield row, RawMessage(channel, log_ns, data[size - (types[3] - _BLOB) // 2 :])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gzip
 import zlib
 from collections.abc import Iterator
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from io import BufferedIOBase
 from pathlib import Path
 from typing import NamedTuple
@@ -19,6 +19,7 @@ LONGEST_LINE_BYTES = 1 << 20
 _BLOCK_BYTES = 1 << 18
 
 _MOST_NS = 2**63 - 1
+_MOST_DIGITS = 20  # of the whole seconds; a few bytes may say a million
 
 
 class Line(NamedTuple):
@@ -37,7 +38,7 @@ def lines(path: Path, faults: ReadFaults, limits: ReadLimits = DEFAULT_LIMITS) -
     number = 0
     try:
         with open_text(path) as file:
-            most = limits.text_bytes(path.stat().st_size) if is_packed(path) else None
+            most = limits.text_bytes(path.stat().st_size) if isinstance(file, gzip.GzipFile) else None
             for number, text in _split(file, most):
                 if text is None:
                     sentence = f"{path.name} unpacks to more than {most:,} bytes: raise limits.expansion if it may"
@@ -91,8 +92,11 @@ def is_packed(path: Path) -> bool:
 def seconds_to_ns(text: bytes) -> int:
     """Nanoseconds of a decimal number of seconds, exactly; raises ValueError when it is none, or out of range."""
     try:
-        ns = int((Decimal(text.decode("ascii")) * 10**9).to_integral_value())
-    except (InvalidOperation, UnicodeDecodeError, OverflowError, ValueError) as error:
+        seconds = Decimal(text.decode("ascii"))
+        if seconds and seconds.adjusted() > _MOST_DIGITS:
+            raise ValueError("out of range")
+        ns = int((seconds * 10**9).to_integral_value()) if seconds else 0
+    except (ArithmeticError, ValueError) as error:
         raise ValueError(f"{text[:40]!r} is not a time in seconds") from error
     if abs(ns) > _MOST_NS:
         raise ValueError(f"{text[:40]!r} is not a time in seconds")

@@ -58,7 +58,7 @@ class TumSource:
                 continue
             if newest_ns is not None and stamp_ns < newest_ns:
                 sentence = "poses were written out of order: they keep their own stamps"
-                self.faults.add("stamp_backward", sentence, topic=TOPIC, place=line.number)
+                self.faults.add("lines_out_of_order", sentence, topic=TOPIC, place=line.number)
             newest_ns = stamp_ns if newest_ns is None else max(newest_ns, stamp_ns)
             yield newest_ns, line.text
 

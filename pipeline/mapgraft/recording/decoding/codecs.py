@@ -7,7 +7,7 @@ import json
 import re
 import struct
 from collections.abc import Callable
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from types import SimpleNamespace
 from typing import Any, NamedTuple, Protocol
 
@@ -103,11 +103,17 @@ def types_of(schema: SchemaText) -> Typestore:
                 store.register(get_types_from_idl(part))
         else:
             store.register(get_types_from_msg(text, name))
-        _fill_in(store, get_typestore(Stores.ROS1_NOETIC if schema.encoding == "ros1msg" else Stores.ROS2_HUMBLE))
+        _fill_in(store, _usual(Stores.ROS1_NOETIC if schema.encoding == "ros1msg" else Stores.ROS2_HUMBLE))
     except (*UNDECODABLE, SyntaxError) as error:
         raise RecordingError(f"the definition of {name} in the recording cannot be parsed ({error})") from error
     check_type(name, store.fielddefs)
     return store
+
+
+@cache
+def _usual(store: Stores) -> Typestore:
+    """The usual types of a distribution, made once: nobody changes them, and what they compile is kept with them."""
+    return get_typestore(store)
 
 
 def _fill_in(store: Typestore, usual: Typestore) -> None:
@@ -143,7 +149,7 @@ def _ros_codec(encoding: str, schema: SchemaText, typestore: str) -> Codec | Und
             return Undecodable(f"a schema of kind {schema.encoding!r} does not go with {encoding} messages")
         return RosCodec(encoding, name, lambda: types_of(schema))
     fallback = Stores.ROS1_NOETIC if encoding == "ros1" else known_typestore(typestore)
-    store = get_typestore(fallback)
+    store = _usual(fallback)
     if name not in store.fielddefs:
         return Undecodable(f"its definition is neither in the recording nor in the typestore {fallback.value!r}")
     return RosCodec(encoding, name, lambda: store)
@@ -179,7 +185,7 @@ class RosCodec:
             own = self.store.fielddefs
         except RecordingError:
             return False
-        usual = get_typestore(Stores.ROS1_NOETIC if self._encoding == "ros1" else Stores.ROS2_HUMBLE).fielddefs
+        usual = _usual(Stores.ROS1_NOETIC if self._encoding == "ros1" else Stores.ROS2_HUMBLE).fielddefs
         return all(name in own and own[name][1] == usual[name][1] for name in (LASER_SCAN, _HEADER))
 
     def _general_scan(self, data: Data) -> ScanMessage:

@@ -27,8 +27,9 @@ Data = bytes | memoryview
 class Layout(NamedTuple):
     """Where the fields lie in messages of one size.
 
-    After 4 bytes (encapsulation or sequence number) come the stamp's seconds (of numpy kind ``seconds``) and
-    nanoseconds, the size of the frame name and the name; the seven floats and the count of ranges end at ``ranges_at``.
+    After 4 bytes (encapsulation or sequence number) come the stamp's seconds (with a sign also in ROS 1, as the general
+    way has it) and nanoseconds, the size of the frame name and the name; the seven floats and the count of ranges end
+    at ``ranges_at``.
     """
 
     unpack: Callable[[Data], tuple[Any, ...]]
@@ -36,7 +37,6 @@ class Layout(NamedTuple):
     ranges: int
     intensities: int
     ranges_at: int
-    seconds: str
 
 
 def layout_of(encoding: str, data: Data) -> Layout | None:
@@ -56,7 +56,7 @@ def _cdr_layout(data: Data) -> Layout | None:
     if frame_bytes < 1 or not 0 <= len(data) - end <= 3:
         return None
     text = f"<H2xiII{frame_bytes}s{padding}x7fI{4 * ranges}xI"
-    return Layout(struct.Struct(text).unpack_from, frame_bytes, ranges, intensities, 4 + at + 32, "<i4")
+    return Layout(struct.Struct(text).unpack_from, frame_bytes, ranges, intensities, 4 + at + 32)
 
 
 def _ros1_layout(data: Data) -> Layout | None:
@@ -67,8 +67,8 @@ def _ros1_layout(data: Data) -> Layout | None:
         return None
     if frame_bytes < 1 or len(data) != 16 + frame_bytes + 28 + 4 + 4 * ranges + 4 + 4 * intensities:
         return None
-    text = f"<IIII{frame_bytes}s7fI{4 * ranges}xI"
-    return Layout(struct.Struct(text).unpack_from, frame_bytes, ranges, intensities, 16 + frame_bytes + 32, "<u4")
+    text = f"<IiII{frame_bytes}s7fI{4 * ranges}xI"
+    return Layout(struct.Struct(text).unpack_from, frame_bytes, ranges, intensities, 16 + frame_bytes + 32)
 
 
 def _counts(data: Data, at: int) -> tuple[int, int]:
@@ -89,7 +89,7 @@ class LaserScanReader:
     def __call__(self, data: Data) -> ScanMessage:
         layout = self._layouts.get(len(data))
         if layout is not None:
-            unpack, frame_bytes, ranges, intensities, ranges_at, _ = layout
+            unpack, frame_bytes, ranges, intensities, ranges_at = layout
             first, sec, nanosec, size, name, start, _, step, beam_s, _, shortest, longest, n, m = unpack(data)
             frame = self._frames.get(name)
             if (

@@ -14,6 +14,9 @@ MOST_WAYS: Final = 64
 MOST_DEEP: Final = 256
 """Ways up from one frame and frames on one way that are looked at: no robot has so many, a hostile recording may."""
 
+MOST_EDGES: Final = 10_000
+"""Edges of one recording that are kept; each takes some 5 kB."""
+
 Drift = Literal["corrected", "slam", "odometry", "unknown", "none"]
 """How poses err: ``corrected`` offline, ``slam`` (or localization), raw ``odometry``, ``unknown``, or no poses."""
 

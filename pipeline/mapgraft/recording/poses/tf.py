@@ -247,7 +247,8 @@ class TransformBuffer:
             first, *others = parents.values()
             for edge in others:
                 text = f"{child!r} hangs on {first.parent!r} and{_since(edge)} on {edge.parent!r}, too"
-                found.append(("two_parents", f"{text}: what has two places by that is left out"))
+                chosen = f"choose with poses.parents: {{{child}: {first.parent}}}"
+                found.append(("two_parents", f"{text}: what has two places by that is left out; {chosen}"))
         for loop in self._loops():
             shown = [edge.parent for edge in reversed(loop)][:_NAMES_SHOWN]
             names = " → ".join(map(repr, shown)) + (" → …" if len(loop) > len(shown) else "")
@@ -320,6 +321,7 @@ class TransformBuffer:
                 return Missing("no_link", f"{frame!r} lies more than {MOST_DEEP} frames deep")
             if len(open_ways) + len(done) > MOST_WAYS:
                 text = f"more than {MOST_WAYS} ways lead up from {frame!r}, because frames above hang on several others"
+                text += ": choose with poses.parents"
                 return Missing("two_parents", text)
         return done
 
@@ -342,7 +344,7 @@ class TransformBuffer:
         return Missing(
             "two_parents",
             f"{child!r} hangs on both {first!r} and {second!r}, so that {source!r} has two places in {target!r}: "
-            "choose with poses.map_frame, poses.topic or poses.file",
+            f"choose with poses.parents: {{{child}: {first}}}",
         )
 
 

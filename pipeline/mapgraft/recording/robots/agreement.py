@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from statistics import median_low
-from typing import Final
+from typing import Final, NamedTuple
 
 from mapgraft.config import Config
 from mapgraft.contracts import ConfigError
@@ -30,9 +30,11 @@ def brought_together(plans: Sequence[RobotPlan], config: Config) -> tuple[RobotP
 
     Robots in the same files were heard by one recorder: where their stamps, measured against it, lie further apart than
     a network explains, they come to the one whose clock is nearest to the recorder's. With ``mission.common_event`` the
-    recorders themselves come to that of the first file. Raises ConfigError when no file has that topic.
+    recorders themselves come to that of the first file; a remark says where too little was heard by both. Raises
+    ConfigError when no file has that topic.
     """
-    recorders = _recorders(plans, config.mission.common_event)
+    topic = config.mission.common_event
+    recorders = _recorders(plans, topic)
     free = [plan for plan in plans if _is_free(plan, config)]
     moved: dict[str, tuple[int, str]] = {}
     for group in _by_recorder(free):
@@ -41,13 +43,34 @@ def brought_together(plans: Sequence[RobotPlan], config: Config) -> tuple[RobotP
             ahead_ns = plan.times.offset_ns - reference.times.offset_ns
             if abs(ahead_ns) > max(ANOTHER_CLOCK_NS, _spread(plan) + _spread(reference)):
                 moved[plan.name] = (-ahead_ns, f"to that of {reference.name}, by the recorder that heard both")
+    alone: dict[str, str] = {}
     for plan in free:
-        ahead_ns, first = recorders.get(plan.glimpses[0].source.path, (0, ""))
-        if ahead_ns:
+        recorder = recorders.get(plan.glimpses[0].source.path)
+        if recorder is not None and recorder.alike < _FEWEST:
+            alone[plan.name] = _too_few(plan, recorder, topic)
+        elif recorder is not None and recorder.ahead_ns:
             own_ns, how = moved.get(plan.name, (0, ""))
-            text = f"to that of {first}, by {config.mission.common_event} that both heard"
-            moved[plan.name] = (own_ns - ahead_ns, f"{how}, and {text}" if how else text)
-    return tuple(_moved(plan, *moved[plan.name]) if plan.name in moved else plan for plan in plans)
+            text = f"to that of {recorder.first}, by {topic} that both heard"
+            moved[plan.name] = (own_ns - recorder.ahead_ns, f"{how}, and {text}" if how else text)
+    told = [replace(p, remarks=(*p.remarks, alone[p.name])) if p.name in alone else p for p in plans]
+    return tuple(_moved(plan, *moved[plan.name]) if plan.name in moved else plan for plan in told)
+
+
+class _Recorder(NamedTuple):
+    """The recorder of one file against that of the ``first``, by its name: how many events were heard ``alike``."""
+
+    ahead_ns: int
+    first: str
+    alike: int
+
+
+def _too_few(plan: RobotPlan, recorder: _Recorder, topic: str | None) -> str:
+    file = plan.glimpses[0].source.path.name
+    number = {0: "no message", 1: "only 1 message"}.get(recorder.alike, f"only {recorder.alike} messages")
+    return (
+        f"mission.common_event: {number} on {topic} came to {file} as to {recorder.first}, byte for byte, and "
+        f"{_FEWEST} are needed: its clock is not moved by it (clock_offset_s says it instead)"
+    )
 
 
 def _is_free(plan: RobotPlan, config: Config) -> bool:
@@ -72,8 +95,8 @@ def _spread(plan: RobotPlan) -> int:
     return away[len(away) * 4 // 5] if len(away) > 1 else 0  # a slip or two do not count
 
 
-def _recorders(plans: Sequence[RobotPlan], topic: str | None) -> Mapping[Path, tuple[int, str]]:
-    """By how much each file's recorder is ahead of the first one's, and that one's name."""
+def _recorders(plans: Sequence[RobotPlan], topic: str | None) -> Mapping[Path, _Recorder]:
+    """By how much each file's recorder is ahead of the first one's."""
     if topic is None:
         return {}
     sources = {g.source.path: g.source for plan in plans for g in plan.glimpses}
@@ -82,12 +105,12 @@ def _recorders(plans: Sequence[RobotPlan], topic: str | None) -> Mapping[Path, t
     if not with_topic:
         names = ", ".join(path.name for path in sources) or "none"
         raise ConfigError(f"mission.common_event: no file has messages on {topic!r}: the mission has {names}")
-    first, *others = with_topic
-    found: dict[Path, tuple[int, str]] = {}
-    for path in others:
-        ahead = [log_ns - heard[first][event] for event, log_ns in heard[path].items() if event in heard[first]]
-        if len(ahead) >= _FEWEST:
-            found[path] = (median_low(ahead), first.name)
+    first = with_topic[0]
+    found: dict[Path, _Recorder] = {}
+    for path in heard:
+        if path != first:
+            ahead = [log_ns - heard[first][event] for event, log_ns in heard[path].items() if event in heard[first]]
+            found[path] = _Recorder(median_low(ahead) if ahead else 0, first.name, len(ahead))
     return found
 
 

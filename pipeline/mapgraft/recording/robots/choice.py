@@ -64,7 +64,7 @@ def choose_poses(
     ``other`` is the glimpse of ``config.file``. Raises ConfigError for a topic or frame that does not exist.
     """
     frames = {payload.frame for payload in payloads}
-    tree = tree_of(own, other, namespace, frames, config.prefix)
+    tree = tree_of(own, other, namespace, frames, config.prefix, config.parents)
     sensors = {payload.topic: _in_tree(payload.frame, tree, namespace, config) for payload in payloads}
     ask = _Question(own, other, tuple(payloads), tree, sensors, config)
     if all(payload.kind == GRID_MESSAGE for payload in payloads):

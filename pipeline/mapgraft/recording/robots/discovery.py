@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -17,6 +17,8 @@ from mapgraft.recording.naming import (
 from mapgraft.recording.poses.frames import roles_of
 from mapgraft.recording.robots.glimpse import Glimpse, SeenPayload
 from mapgraft.recording.robots.trees import tf_namespace, tree_of
+
+_LONGEST_STEM = 80  # letters of a name before its number
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +64,9 @@ def _robots_of(g: Glimpse, mark: str) -> list[FoundRobot]:
     return [replace(robot, unused=(*robot.unused, *costs)) for robot in _named(mark, robots)]
 
 
+_Home = tuple[str, tuple[str, ...]]  # a base frame, and the namespace of what tells of it
+
+
 @dataclass(frozen=True, slots=True)
 class _Body:
     """What is known about whose a sensor is: its base frame, and the namespace of the tf topic that tells it."""
@@ -88,7 +93,7 @@ def _body_of(g: Glimpse, seen: SeenPayload) -> _Body | None:
 
 def _by_robot(g: Glimpse, sensors: Sequence[SeenPayload]) -> list[list[tuple[SeenPayload, _Body | None]]]:
     """Sensors on one base belong to one robot; those of which no tree tells go by their topic's namespace."""
-    groups: dict[tuple[str, tuple[str, ...]], list[tuple[SeenPayload, _Body | None]]] = {}
+    groups: dict[_Home, list[tuple[SeenPayload, _Body | None]]] = {}
     loose: list[SeenPayload] = []
     for seen in sensors:
         body = _body_of(g, seen)
@@ -96,10 +101,15 @@ def _by_robot(g: Glimpse, sensors: Sequence[SeenPayload]) -> list[list[tuple[See
             loose.append(seen)
         else:
             groups.setdefault((body.base_frame, body.tf_namespace), []).append((seen, body))
+    homes = defaultdict[tuple[str, ...], set[_Home]](set)  # by namespace: a recording may have thousands of topics
+    for key, group in groups.items():
+        for seen, _ in group:
+            homes[robot_namespace(seen.topic)].add(key)
     for seen in loose:
         namespace = robot_namespace(seen.topic)
-        homes = [key for key, group in groups.items() if any(robot_namespace(s.topic) == namespace for s, _ in group)]
-        groups.setdefault(homes[0] if len(homes) == 1 else ("", namespace), []).append((seen, None))
+        home = next(iter(homes[namespace])) if len(homes[namespace]) == 1 else ("", namespace)
+        groups.setdefault(home, []).append((seen, None))
+        homes[namespace].add(home)
     return list(groups.values())
 
 
@@ -143,13 +153,18 @@ def _shared_namespace(namespaces: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
 def _give_maps(robots: Sequence[FoundRobot], maps: Sequence[SeenPayload]) -> tuple[list[FoundRobot], list[SeenPayload]]:
     """Give each map to the robot whose frames it is in, else to the one of its namespace, else to the only one."""
     given: dict[int, list[SeenPayload]] = {k: [] for k in range(len(robots))}
+    with_frame, in_namespace = defaultdict[str, list[int]](list), defaultdict[tuple[str, ...], list[int]](list)
+    for k, robot in enumerate(robots):
+        in_namespace[robot.namespace].append(k)
+        for frame in robot.frames:
+            with_frame[frame].append(k)
     left = []
     for seen in maps:
         namespace = robot_namespace(seen.topic)
         frames = {seen.frame, "/".join((*namespace, seen.frame))}
-        homes = [k for k, robot in enumerate(robots) if frames & robot.frames]
+        homes = sorted({k for frame in frames for k in with_frame.get(frame, ())})
         if len(homes) != 1:
-            homes = [k for k, robot in enumerate(robots) if namespace and robot.namespace == namespace]
+            homes = in_namespace.get(namespace, []) if namespace else []
         if len(homes) != 1 and len(robots) == 1:
             homes = [0]
         if len(homes) == 1:
@@ -184,14 +199,16 @@ def _named(mark: str, robots: Sequence[FoundRobot]) -> list[FoundRobot]:
     for robot in robots:
         frame = robot.base_frame or min(robot.frames, default="")
         wishes.append((*robot.namespace[-1:], *filter(None, [frame_prefix(frame)]), mark))
-    taken: set[str] = set()
-    named = []
+    firsts = Counter(wish[0] for wish in wishes)
+    taken, numbers, named = set[str](), Counter[str](), list[FoundRobot]()
     for robot, wish in zip(robots, wishes, strict=True):
-        others = Counter(name for other in wishes if other is not wish for name in other[:1])
-        numbered = [f"{wish[0]}_{k}" for k in range(1, len(robots) + 1)]
-        candidates = [*wish, *filter(None, ["_".join(robot.namespace)]), *numbered]
-        unique = [name for name in map(robot_name, candidates) if name not in taken and not others[name]]
-        name = unique[0] if unique else next(name for name in map(robot_name, candidates) if name not in taken)
+        first = wish[0]
+        plain = [robot_name(name) for name in (*wish, *filter(None, ["_".join(robot.namespace)]))]
+        name = next((n for n in plain if n not in taken and firsts[n] == (n == first)), "")
+        while not name:
+            numbers[first] += 1
+            numbered = f"{robot_name(first)[:_LONGEST_STEM]}_{numbers[first]}"  # a robot's name is cut where it is long
+            name = numbered if numbered not in taken and not firsts[numbered] else ""
         taken.add(name)
         named.append(replace(robot, name=name))
     return named

@@ -13,7 +13,7 @@ from itertools import islice
 
 from mapgraft.contracts.sources import Channel, RawMessage, Source
 from mapgraft.errors import RecordingError
-from mapgraft.recording.poses.frames import SeenEdge, Stamped
+from mapgraft.recording.poses.frames import MOST_EDGES, SeenEdge, Stamped
 from mapgraft.recording.poses.rigid import Pose7, pose7
 from mapgraft.recording.robots.payloads import POSE_TYPES, TF_TYPES, Payloads, poses_in
 
@@ -75,8 +75,9 @@ class Glimpse:
 
 
 def glimpse(source: Source, payloads: Payloads) -> Glimpse:
-    """Look into a source; raises RecordingError when the file cannot be read."""
+    """Look into a source; raises RecordingError when the file cannot be read, or has topics without end."""
     usable = [channel for channel in source.channels if channel.decodable and channel.count != 0]
+    payloads.check_topics(source.path, len({channel.topic for channel in usable if _concerns_us(channel, payloads)}))
     seen_payloads: list[SeenPayload] = []
     broken: list[str] = []
     for channel in _one_per_topic(usable):
@@ -229,6 +230,8 @@ class _PoseSampler:
                 _, times, poses = self._poses.setdefault(key, (channel, [], []))
             elif record.frame and record.child and record.frame != record.child:
                 key = (channel.topic, record.frame, record.child)
+                if len(self._edges) >= MOST_EDGES and key not in self._edges:
+                    continue  # counted when the recording is replayed
                 fixed, times, poses = self._edges.setdefault(key, (is_static(channel), [], []))
                 if fixed:  # the last word counts
                     times.clear()

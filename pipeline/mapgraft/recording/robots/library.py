@@ -14,18 +14,21 @@ from mapgraft.guard import Guard
 from mapgraft.plugins import Plugins
 from mapgraft.recording.containers.limits import ReadLimits
 from mapgraft.recording.containers.octets import Octets
-from mapgraft.recording.containers.opening import Reader, open_source
+from mapgraft.recording.containers.opening import Reader, is_named_as_recording, open_source
+from mapgraft.recording.naming import real_path
 from mapgraft.recording.robots.glimpse import Glimpse, glimpse
 from mapgraft.recording.robots.payloads import Decoder, Payloads, checked_size
 from mapgraft.recording.robots.strangers import GuardedSource, called, decoded
+
+_GIVEN = ("warn", "most_cells")  # what a format is handed beside a person's options, if it takes it
 
 
 class Library:
     """Opens recordings and ready-made map files, with what plugins add to both.
 
     ``typestore`` names the rosbags typestore for messages whose definition is not in their file. ``guard`` watches over
-    plugins' readers, decoders and formats. ``octets`` holds the bytes of MCAP files that are not on this machine, by
-    the path that stands for each.
+    plugins' readers, decoders and formats; where none is given there is a new one. ``octets`` holds the bytes of MCAP
+    files that are not on this machine, by the path that stands for each.
     """
 
     def __init__(
@@ -33,11 +36,12 @@ class Library:
         plugins: Plugins | None,
         typestore: str,
         limits: LimitsConfig | None = None,
+        guard: Guard | None = None,
         octets: Mapping[Path, Octets] | None = None,
     ) -> None:
         self._plugins = plugins or Plugins()
         self._limits = limits or LimitsConfig()
-        self.guard = Guard(self._limits)
+        self.guard = guard or Guard(self._limits)
         self._typestore = typestore
         self._octets = {path.resolve(): known for path, known in (octets or {}).items()}
         self._glimpses: dict[Path, Glimpse] = {}
@@ -56,7 +60,7 @@ class Library:
 
     def look(self, path: Path) -> Glimpse:
         """The recording at a path, opened when it is asked for first; raises RecordingError when it cannot be read."""
-        key = path.resolve()
+        key = real_path(path)
         if key not in self._glimpses:
             bounds = ReadLimits(self._limits.chunk_bytes, self._limits.expansion)
             source = open_source(
@@ -68,6 +72,10 @@ class Library:
                 source.close()
                 raise
         return self._glimpses[key]
+
+    def is_named_as_recording(self, path: Path) -> bool:
+        """Whether there is something at the path that is called as recordings are, whatever it holds."""
+        return is_named_as_recording(path, self._readers)
 
     def format_of(self, path: Path) -> str | None:
         """The name of the installed format that reads this kind of map file, None when the file is no map.
@@ -86,19 +94,23 @@ class Library:
     def read_map(self, path: Path, options: Mapping[str, object], warn: Callable[[str], None]) -> tuple[str, object]:
         """A ready-made map file as (kind of payload, payload); raises MapgraftError when it cannot be read.
 
-        ``warn`` is handed to formats that take it, for what is probably not meant. The option ``format`` names a format
+        ``warn`` is handed to formats that take it, for what is probably not meant, and the limit of cells to those that
+        take ``most_cells``. The option ``format`` names a format
         instead of the one that the file's name tells.
         """
+        if not path.is_file():  # a pipe would be waited for
+            raise RecordingError(f"{path} is not a file: it cannot be a map")
         options = dict(options)
         name = str(options.pop("format", None) or self.format_of(path) or "") or None
         if name is None:
             raise RecordingError(f"no installed format reads {path}: see 'mapgraft plugins list'")
         read = self._plugins.function("format", name)
         known = inspect.signature(read).parameters
-        if unknown := sorted(set(options) - set(known)):
-            offered = ", ".join(key for key in known if key not in ("path", "warn")) or "none"
+        if unknown := sorted(set(options) - (set(known) - set(_GIVEN))):
+            offered = ", ".join(key for key in known if key not in ("path", *_GIVEN)) or "none"
             raise ConfigError(f"the format {name!r} has no option {', '.join(unknown)}: it has {offered}")
-        given = {**options, "warn": warn} if "warn" in known else dict(options)
+        ours = {"warn": warn, "most_cells": self._limits.grid_cells}
+        given = {**options, **{key: ours[key] for key in _GIVEN if key in known}}
         try:
             payload = called(self.guard, "format", name, lambda: read(path, **given))
         except FailedPluginError as error:

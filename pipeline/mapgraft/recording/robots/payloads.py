@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from mapgraft.config import LimitsConfig
@@ -43,6 +44,7 @@ POSE_TYPES = frozenset(POSE_READERS) - TF_TYPES
 """Message types that tell the pose of one body; scans of CARMEN logs among them."""
 
 _NONSENSE_S = 3600.0  # no sweep takes an hour
+_MOST_TOPICS = 20  # of one robot, on average
 
 Read = RawMessage | RecordedScan
 Decoder = Callable[[Any], object]
@@ -88,6 +90,14 @@ class Payloads:
         if message_type in GRID_TYPES:
             return GRID_MESSAGE
         return self._kinds[message_type][0] if message_type in self._kinds else None
+
+    def check_topics(self, path: Path, count: int) -> None:
+        """Raise RecordingError when a file has more topics of payloads and poses than the limits' robots can have."""
+        if count > _MOST_TOPICS * self._limits.robots:
+            raise RecordingError(
+                f"{path} has {count:,} topics of scans, maps and poses, more than {_MOST_TOPICS} for each of "
+                f"{self._limits.robots:,} robots: raise limits.robots if it is meant so"
+            )
 
     def open(self, source: Source, read: Read) -> Opened:
         """Look into a payload's message; raises RecordingError when the bytes do not fit their type."""

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from mapgraft.config import Config, RobotConfig
 from mapgraft.contracts import ConfigError, RecordingError
-from mapgraft.recording.naming import stem, told_apart
+from mapgraft.contracts.sources import Fault
+from mapgraft.recording.naming import real_path, stem, told_apart
 from mapgraft.recording.robots.agreement import brought_together
 from mapgraft.recording.robots.discovery import FoundRobot, discover
 from mapgraft.recording.robots.glimpse import Glimpse
@@ -33,33 +34,61 @@ class MapFile:
 
 @dataclass(frozen=True, slots=True)
 class Roster:
-    """All robots of a mission, by name, and those that were found but cannot be mapped."""
+    """All robots of a mission, by name, and those that were found but cannot be mapped.
+
+    ``unread`` are the files that could not be opened, by name, each with the reason.
+    """
 
     plans: tuple[RobotPlan, ...]
     map_files: tuple[MapFile, ...]
     unmappable: tuple[Unmappable, ...]
     glimpses: tuple[Glimpse, ...]
+    unread: tuple[tuple[str, Fault], ...] = ()
 
 
 def call_roll(paths: Sequence[Path], config: Config, library: Library) -> Roster:
     """Find the robots in the files and in the configuration.
 
-    Raises RecordingError when a file cannot be read or a configured robot cannot be mapped, ConfigError when the
-    configuration speaks of what is not there.
+    A recording that cannot be opened is left out beside others that can. Raises RecordingError when none can, when a
+    file is no recording at all, when a configured robot cannot be mapped or its files not be read, or when there are
+    more robots than the limits allow, ConfigError when the configuration speaks of what is not there.
     """
-    for path, times in Counter(path.resolve() for path in paths).items():
+    for path, times in Counter(real_path(path) for path in paths).items():
         if times > 1:
             raise RecordingError(f"{path} is given {times} times: name every file once")
     paths = [*paths, *further_files(paths, config)]
     map_paths = [path for path in paths if library.format_of(path) is not None]
-    glimpses = [library.look(path) for path in paths if path not in map_paths]
+    glimpses, unread = _looked_into([path for path in paths if path not in map_paths], config, library)
     call = _Call(config, library, _discovered(glimpses, config), _named_maps(map_paths))
     for name, robot in config.robots.items():
         call.configured(name, robot)
+    call.check_number()
     call.rest()
     plans = brought_together(sorted(call.plans, key=lambda plan: plan.name), config)
     maps = tuple(sorted(call.map_files, key=lambda file: file.name))
-    return Roster(plans, maps, tuple(call.unmappable), tuple(glimpses))
+    return Roster(plans, maps, tuple(call.unmappable), tuple(glimpses), tuple(unread))
+
+
+def _looked_into(
+    paths: Sequence[Path], config: Config, library: Library
+) -> tuple[list[Glimpse], list[tuple[str, Fault]]]:
+    """The recordings that can be opened, and the others, by name, with the reasons."""
+    glimpses: list[Glimpse] = []
+    errors: list[RecordingError] = []
+    unread: list[tuple[str, Fault]] = []
+    wanted = [pattern for robot in config.robots.values() for pattern in robot.files]
+    for path in paths:
+        try:
+            glimpses.append(library.look(path))
+        except RecordingError as error:
+            if not library.is_named_as_recording(path) or any(matches(path, pattern) for pattern in wanted):
+                raise
+            errors.append(error)
+            why = str(error).replace(str(path), path.name)
+            unread.append((path.name, Fault("unreadable", "", 1, f"{why}: it is left out")))
+    if errors and not glimpses:
+        raise errors[0] if len(errors) == 1 else RecordingError("; ".join(map(str, errors)))
+    return glimpses, unread
 
 
 def further_files(paths: Sequence[Path], config: Config) -> list[Path]:
@@ -77,13 +106,13 @@ def further_files(paths: Sequence[Path], config: Config) -> list[Path]:
 
 def _discovered(glimpses: Sequence[Glimpse], config: Config) -> tuple[FoundRobot, ...]:
     """The robots in all files, but for maps in files that are there for their poses only."""
-    pose_files = {robot.poses.file.resolve() for robot in config.robots.values() if robot.poses.file is not None}
+    pose_files = {real_path(robot.poses.file) for robot in config.robots.values() if robot.poses.file is not None}
     named = {pattern for robot in config.robots.values() for pattern in robot.files}
     return discover(
         [
             g
             for g in glimpses
-            if g.source.path.resolve() not in pose_files
+            if real_path(g.source.path) not in pose_files
             or any(seen.kind == "scan" for seen in g.payloads)
             or any(matches(g.source.path, pattern) for pattern in named)
         ]
@@ -100,7 +129,7 @@ def matches(path: Path, pattern: str) -> bool:
         pattern in (str(path), path.name, stem(path))
         or fnmatch(path.name, pattern)
         or fnmatch(str(path), pattern)
-        or (path.exists() and Path(pattern).exists() and path.resolve() == Path(pattern).resolve())
+        or (path.exists() and Path(pattern).exists() and real_path(path) == real_path(Path(pattern)))
     )
 
 
@@ -131,14 +160,23 @@ class _Call:
             raise RecordingError(f"robot {name} cannot be mapped: {plan.reason}")
         self.plans.append(plan)
 
+    def check_number(self) -> None:
+        """Raise RecordingError when there are more robots than the limits allow: looking at each costs time, too."""
+        left = sum(1 for name in (*self._found, *self._maps) if name not in self._taken)
+        robots, most = len(self.plans) + len(self.map_files) + left, self._config.limits.robots
+        if robots > most:
+            raise RecordingError(
+                f"the recording shows {robots:,} robots, each of which would meet all others: give only the files of "
+                f"those that are meant, or raise limits.robots ({most:,})"
+            )
+
     def rest(self) -> None:
         """Plan all discovered robots that the configuration did not take."""
         names = {plan.name for plan in self.plans} | {file.name for file in self.map_files}
+        payloads, clock = self._library.payloads, self._config.mission.clock
         for name, found in self._found.items():
             if name not in self._taken:
-                plan = plan_robot(
-                    _free(name, names), [found], RobotConfig(), None, self._library.payloads, self._config.mission.clock
-                )
+                plan = plan_robot(_free(name, names), [found], RobotConfig(), None, payloads, clock)
                 if isinstance(plan, Unmappable):
                     self.unmappable.append(plan)
                 else:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from mapgraft.errors import ConfigError
 from mapgraft.recording.poses.frames import Frames, SeenEdge
 from mapgraft.recording.robots.glimpse import Glimpse, is_static
 from mapgraft.recording.robots.payloads import TF_TYPES
@@ -31,6 +32,7 @@ class Tree:
     """A robot's tree as a sample shows it: its own tf topics, and another file's, which go before.
 
     ``replaced`` are the children that the other file (or a pose topic) tells; the own topics are not asked for them.
+    ``chosen`` are the edges (parent, child) that alone count for their child.
     """
 
     own: tuple[TfTopic, ...]
@@ -38,6 +40,7 @@ class Tree:
     replaced: frozenset[str]
     own_edges: tuple[SeenEdge, ...]
     other_edges: tuple[SeenEdge, ...]
+    chosen: frozenset[tuple[str, str]] = frozenset()
 
     @property
     def frames(self) -> Frames:
@@ -55,19 +58,36 @@ def tree_of(
     namespace: Sequence[str],
     sensors: Collection[str],
     prefix: str | None,
+    parents: Mapping[str, str] | None = None,
 ) -> Tree:
     """The tree of the robot with this namespace and these sensor frames.
 
     ``prefix`` is the configured one; None puts the namespace before bare frames only where the rest of the recording
-    speaks of ``<namespace>/…`` frames, for else there is nothing to tell them from.
+    speaks of ``<namespace>/…`` frames, for else there is nothing to tell them from. ``parents`` says which parent
+    counts for a frame. Raises ConfigError for a parent that the recording does not know of.
     """
     own_topics, own_edges = _topics_and_edges(own, namespace, sensors, prefix)
-    if other is None:
-        return Tree(own_topics, (), frozenset(), own_edges, ())
-    other_topics, other_edges = _topics_and_edges([other], namespace, sensors, prefix)
+    other_topics, other_edges = _topics_and_edges([other], namespace, sensors, prefix) if other else ((), ())
+    chosen = _chosen((*own_edges, *other_edges), parents or {})
+    own_edges, other_edges = _counting(own_edges, chosen), _counting(other_edges, chosen)
     replaced = frozenset(edge.child for edge in other_edges)
     kept = tuple(edge for edge in own_edges if edge.child not in replaced)
-    return Tree(own_topics, other_topics, replaced, kept, other_edges)
+    return Tree(own_topics, other_topics, replaced, kept, other_edges, chosen)
+
+
+def _chosen(edges: Iterable[SeenEdge], parents: Mapping[str, str]) -> frozenset[tuple[str, str]]:
+    """The configured edges (parent, child), each of which the sample must show."""
+    seen = {(edge.parent, edge.child) for edge in edges}
+    for child, parent in parents.items():
+        if (parent, child) not in seen:
+            known = ", ".join(repr(above) for above, below in sorted(seen) if below == child) or "nothing"
+            raise ConfigError(f"poses.parents hangs {child!r} on {parent!r}: in the recording it hangs on {known}")
+    return frozenset((parent, child) for child, parent in parents.items())
+
+
+def _counting(edges: tuple[SeenEdge, ...], chosen: frozenset[tuple[str, str]]) -> tuple[SeenEdge, ...]:
+    children = {child for _, child in chosen}
+    return tuple(edge for edge in edges if edge.child not in children or (edge.parent, edge.child) in chosen)
 
 
 def tf_namespace(topic: str) -> tuple[str, ...]:

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from mapgraft.contracts.sources import RawMessage, ReadFaults, Source
 from mapgraft.errors import RecordingError
 from mapgraft.recording.decoding.records import PoseRecord
+from mapgraft.recording.poses.frames import MOST_EDGES
 from mapgraft.recording.poses.lookup import TreePoses
 from mapgraft.recording.poses.rigid import Pose7, angle_of, believable, compose, inverse
 from mapgraft.recording.poses.tf import TransformBuffer
 from mapgraft.recording.robots.clocks import EdgeName
 from mapgraft.recording.robots.payloads import Read, poses_in
-from mapgraft.recording.robots.stamps import BEYOND_NS, StampWatch
+from mapgraft.recording.robots.stamps import BEYOND_NS, Odd, StampWatch
 from mapgraft.recording.robots.trees import TfTopic
 
 KEPT_NS = 60_000_000_000
@@ -28,9 +29,10 @@ _ROUNDING = 1e-4  # metres or radians
 class Reading:
     """How to read one file's poses into a robot's tree.
 
-    ``replaced`` children are told by someone else. Edges in ``by_log``, or all with ``all_by_log``, are placed at their
-    time of recording plus ``offset_ns``; the stamps of the others are looked at before they are believed if ``judged``.
-    The messages on ``topic`` (empty: none) tell the edge ``pose_edge``.
+    ``replaced`` children are told by someone else; ``chosen`` edges alone count for their child. Edges in
+    ``by_log``, or all with ``all_by_log``, are placed at their time of recording plus ``offset_ns``; the stamps of the
+    others are looked at before they are believed if ``judged``. The messages on ``topic`` (empty: none) tell the edge
+    ``pose_edge``.
     """
 
     tf: tuple[TfTopic, ...]
@@ -42,6 +44,7 @@ class Reading:
     pose_edge: EdgeName = ("", "")
     topic_by_log: bool = False
     judged: bool = True
+    chosen: frozenset[EdgeName] = frozenset()
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -53,12 +56,14 @@ class Reading:
         return tuple(sorted(tf.topic for tf in self.tf if tf.fixed))
 
 
-class _EdgeStamps:
-    """What the stamps of one edge have been so far."""
+class _Edge:
+    """One edge as it comes in, and what its stamps have been so far."""
 
-    __slots__ = ("last_ns", "watch")
+    __slots__ = ("by_log", "child", "last_ns", "parent", "watch")
 
-    def __init__(self) -> None:
+    def __init__(self, name: EdgeName, by_log: bool) -> None:
+        self.parent, self.child = name
+        self.by_log = by_log
         self.watch = StampWatch()
         self.last_ns: int | None = None
 
@@ -73,8 +78,10 @@ class Feed:
         self._buffer = buffer
         self._faults = faults
         self._tf = {tf.topic: tf for tf in reading.tf}
-        self._names: dict[tuple[str, str, str], EdgeName | None] = {}
-        self._stamps: dict[EdgeName, _EdgeStamps] = {}
+        self._edges: dict[EdgeName, _Edge] = {}
+        self._told: dict[tuple[str, str, str], _Edge | None] = {}  # by topic, frame and child as they are told
+        self._posed = _Edge(reading.pose_edge, reading.topic_by_log or reading.all_by_log)
+        self._parents = {child: parent for parent, child in reading.chosen}
         self._taken = 0
 
     @property
@@ -103,32 +110,28 @@ class Feed:
                 sentence = f"a pose at {record.stamp_ns / 1e9:.3f} s is not finite, or its quaternion has no length"
                 self._faults.add("pose_invalid", sentence, topic=topic)
                 continue
-            if tf is None:
-                parent, child = reading.pose_edge
-                by_log = reading.topic_by_log
-            else:
-                name = self._edge(topic, record, tf)
-                if name is None:
-                    continue
-                parent, child = name
-                if tf.fixed:
-                    self._fix(topic, parent, child, pose)
-                    continue
-                by_log = name in reading.by_log
-            if by_log or reading.all_by_log:
+            edge = self._posed if tf is None else self._edge(topic, record, tf)
+            if edge is None:
+                continue
+            stamp_ns = record.stamp_ns
+            if tf is not None and tf.fixed:
+                self._fix(topic, edge.parent, edge.child, pose)
+                continue
+            if edge.by_log:
                 stamp_ns = raw.log_ns + reading.offset_ns
-            elif reading.judged:
-                judged_ns = self._judged(topic, (parent, child), raw.log_ns, record.stamp_ns)
-                if judged_ns is None:
-                    continue
-                stamp_ns = judged_ns
-            else:
-                stamp_ns = record.stamp_ns
-            if abs(stamp_ns) > BEYOND_NS:
-                sentence = f"the time of {parent} → {child} is {stamp_ns / 1e9:.6g} s, which no clock shows"
+            elif reading.judged and stamp_ns != edge.last_ns:  # said again, it counts once: the buffer keeps the first
+                edge.last_ns = stamp_ns
+                odd = edge.watch.judge(raw.log_ns, stamp_ns)
+                if odd is not None and odd.time_ns != stamp_ns:
+                    self._put_right(topic, edge, odd)
+                    if not odd.used:
+                        continue
+                    stamp_ns = odd.time_ns
+            if not -BEYOND_NS <= stamp_ns <= BEYOND_NS:
+                sentence = f"the time of {edge.parent} → {edge.child} is {stamp_ns / 1e9:.6g} s, which no clock shows"
                 self._faults.add("beyond_time", sentence, topic=topic)
                 continue
-            self._buffer.add(parent, child, stamp_ns, pose)
+            self._buffer.add(edge.parent, edge.child, stamp_ns, pose)
             if stamp_ns > self.newest_ns:
                 self.newest_ns = stamp_ns
         self._taken += 1
@@ -143,28 +146,28 @@ class Feed:
             self._faults.add("static_changed", sentence, topic=topic)
         self._buffer.fix(parent, child, pose)
 
-    def _judged(self, topic: str, name: EdgeName, log_ns: int, stamp_ns: int) -> int | None:
-        """The time of a sample of an edge; None for one that is left out, because its stamp cannot be true."""
-        stamps = self._stamps.get(name)
-        if stamps is None:
-            stamps = self._stamps[name] = _EdgeStamps()
-        if stamp_ns == stamps.last_ns:  # said again, and the buffer keeps the first
-            return stamp_ns
-        stamps.last_ns = stamp_ns
-        odd = stamps.watch.judge(log_ns, stamp_ns)
-        if odd is None or odd.time_ns == stamp_ns:
-            return stamp_ns
+    def _put_right(self, topic: str, edge: _Edge, odd: Odd) -> None:
+        """Count a sample whose stamp cannot be true."""
         what = "the time of its recording counts" if odd.used else "it is left out"
-        because = f"{odd.because}; {what}".replace("its stamp", f"the stamp of {name[0]} → {name[1]}", 1)
+        because = f"{odd.because}; {what}".replace("its stamp", f"the stamp of {edge.parent} → {edge.child}", 1)
         self._faults.add(odd.cause, f"at {odd.time_ns / 1e9:.3f} s {because}", topic=topic)
-        return odd.time_ns if odd.used else None
 
-    def _edge(self, topic: str, record: PoseRecord, tf: TfTopic) -> EdgeName | None:
-        """The edge's name in the tree, None when it is not wanted there."""
+    def _edge(self, topic: str, record: PoseRecord, tf: TfTopic) -> _Edge | None:
+        """The edge in the tree, None when it is not wanted there."""
         key = (topic, record.frame, record.child)
-        if key not in self._names:
-            self._names[key] = self._new_edge(topic, record, tf)
-        return self._names[key]
+        if key not in self._told:
+            if len(self._told) >= MOST_EDGES:
+                sentence = f"{record.frame!r} → {record.child!r} comes after {MOST_EDGES:,} others: it is left out"
+                self._faults.add("too_many_frames", sentence, topic=topic)
+                return None
+            name = self._new_edge(topic, record, tf)
+            self._told[key] = None if name is None else self._named(name)
+        return self._told[key]
+
+    def _named(self, name: EdgeName) -> _Edge:
+        if name not in self._edges:
+            self._edges[name] = _Edge(name, name in self._reading.by_log or self._reading.all_by_log)
+        return self._edges[name]
 
     def _new_edge(self, topic: str, record: PoseRecord, tf: TfTopic) -> EdgeName | None:
         frame, child = record.frame, record.child
@@ -173,7 +176,7 @@ class Feed:
             sentence = f"a transform joins {frame!r} to {child!r}: it is left out"
             self._faults.add("frame_unnamed", sentence, topic=topic)
             return None
-        if name[1] in self._reading.replaced:
+        if name[1] in self._reading.replaced or self._parents.get(name[1], name[0]) != name[0]:
             return None
         if self._buffer.closes_loop(*name):
             when = "" if tf.fixed else f"at {record.stamp_ns / 1e9:.3f} s "

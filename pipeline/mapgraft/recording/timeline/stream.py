@@ -206,6 +206,7 @@ def _own_reading(plan: RobotPlan) -> Reading:
         (seen.frame or poses.map_frame, poses.base_frame) if seen else ("", ""),
         seen is not None and seen.topic in times.by_log,
         times.wanted != "header",
+        poses.tree.chosen,
     )
 
 
@@ -221,6 +222,7 @@ def _file_reading(plan: RobotPlan) -> Reading:
         seen.topic if seen else "",
         (seen.frame or poses.map_frame, poses.base_frame) if seen else ("", ""),
         judged=times.wanted != "header",
+        chosen=poses.tree.chosen,
     )
 
 

@@ -57,13 +57,15 @@ class TopicTally:
         """What a person should know about this topic."""
         noun = "maps" if self.kind == "grid_message" else f"{self.kind}s"
         for cause, dropped in self.dropped.items():
+            were = "was" if dropped.count == 1 else "were"
             yield (
-                f"{self.robot}: {dropped.count} of {self.wanted} {noun} on {self.topic} were left out ({cause}); the "
+                f"{self.robot}: {dropped.count} of {self.wanted} {noun} on {self.topic} {were} left out ({cause}); the "
                 f"first, at {dropped.first_ns / 1e9:.3f} s: {dropped.why}"
             )
         for cause, odd in self.noticed.items():
+            are = "is" if odd.count == 1 else "are"
             yield (
-                f"{self.robot}: {odd.count} of {self.read} {noun} on {self.topic} are odd ({cause}); the first, at "
+                f"{self.robot}: {odd.count} of {self.read} {noun} on {self.topic} {are} odd ({cause}); the first, at "
                 f"{odd.first_ns / 1e9:.3f} s: {odd.why}"
             )
         if self.sweeps_ignored:

@@ -1,0 +1,50 @@
+"""Bytes of bags: ROS 1 bags, and the databases of ROS 2 bags."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from fuzz_recordings import Run, scratch
+from fuzz_recordings import _read_through as read_through
+
+
+def bag() -> Run:
+    """The first byte chooses what is asked of the bag in the others."""
+    from mapgraft.errors import MapgraftError
+    from mapgraft.recording.containers.bag_file import BagSource
+    from mapgraft.recording.containers.limits import ReadLimits
+
+    path, narrow, wide = scratch("a.bag"), ReadLimits(chunk_bytes=2000, expansion=2.0), ReadLimits()
+
+    def run(data: bytes) -> None:
+        mode = data[0] if data else 0
+        path.write_bytes(data[1:])
+        with suppress(MapgraftError):
+            read_through(BagSource(path, limits=narrow if mode & 32 else wide), mode)
+        path.unlink()  # what is mapped stays as it is
+
+    return run
+
+
+def db3() -> Run:
+    """The first byte chooses what is asked of the database in the others."""
+    from mapgraft.errors import MapgraftError
+    from mapgraft.recording.containers.limits import ReadLimits
+    from mapgraft.recording.containers.sqlite_file import SqliteSource
+
+    path = scratch("a.db3")
+    log = path.with_name("a.db3-wal")
+    narrow, wide = ReadLimits(chunk_bytes=500, expansion=2.0), ReadLimits(chunk_bytes=1 << 20)
+
+    def run(data: bytes) -> None:
+        mode = data[0] if data else 0
+        path.write_bytes(data[1:])
+        if mode & 64:
+            log.write_bytes(data[-200:])
+        with suppress(MapgraftError):
+            read_through(SqliteSource(path, limits=narrow if mode & 32 else wide), mode)
+        path.unlink()
+        log.unlink(missing_ok=True)
+        log.with_name("a.db3-shm").unlink(missing_ok=True)
+
+    return run
