@@ -150,10 +150,10 @@ def test_a_recording_replaced_while_it_is_read_is_not_used(s3: Any, recordings: 
     s3.put_file(str(recordings / "attic.mcap"), "replaced/a.mcap")
     with scratch() as folder:
         inputs = fetched_inputs(Job("a", "c", ("s3://replaced/a.mcap",), "{}"), folder, {})
-        inputs.require_unchanged()
+        inputs.require_read()
         s3.put_file(str(recordings / "hall.mcap"), "replaced/a.mcap")
         with pytest.raises(RecordingError, match="was replaced while it was read") as told:
-            inputs.require_unchanged()
+            inputs.require_read()
     assert isinstance(told.value.__cause__, OSError)  # the next time it may stay
 
 

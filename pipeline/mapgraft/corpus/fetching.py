@@ -93,8 +93,14 @@ class Inputs:
         whole = {path: file.size_bytes for path, file in self.known.items() if file.etag and path not in self.octets}
         return sum(octets.fetched_bytes for octets in self.octets.values()) + sum(whole.values())
 
-    def require_unchanged(self) -> None:
-        """Raises RecordingError when a file elsewhere was replaced while it was read: what was read is of no use."""
+    def require_read(self) -> None:
+        """Raises RecordingError when what was read of files elsewhere is of no use.
+
+        That is when a file was replaced meanwhile, or could once not be read, even where the rest made a mission.
+        """
+        for octets in self.octets.values():
+            if octets.broken:
+                raise RecordingError(octets.broken) from OSError("it may be readable the next time")
         for recording in self.far:
             if far_recording(recording.url).input_file != recording.input_file:
                 raise RecordingError(f"{recording.url} was replaced while it was read") from OSError("it has changed")

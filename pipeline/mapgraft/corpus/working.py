@@ -103,7 +103,7 @@ def _worked(task: Task, folder: Path, told: _Sentences) -> tuple[str, Literal["d
         return kept[-1]
 
     result = run(inputs.paths, config, opened, plugins=plugins, stand_ins=inputs.stand_ins)
-    inputs.require_unchanged()
+    inputs.require_read()
     dataset.append(run_id, kept[0].parts, _run_row(task.job, result, told), folder)
     return run_id, "done", inputs.fetched_bytes
 

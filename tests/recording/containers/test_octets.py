@@ -86,9 +86,11 @@ def test_what_cannot_be_had_is_told() -> None:
     def refuse(begin: int, end: int) -> bytes:
         raise ConnectionError("the line is dead")
 
+    octets = RangedOctets("far.mcap", 100, refuse)
+    assert not octets.broken
     with pytest.raises(RecordingError, match=r"far\.mcap cannot be read: the line is dead") as told:
-        RangedOctets("far.mcap", 100, refuse)[:10]
-    assert isinstance(told.value.__cause__, OSError)
+        octets[:10]
+    assert isinstance(told.value.__cause__, OSError) and octets.broken == str(told.value)
     with pytest.raises(RecordingError, match="50 of 100 bytes at byte 0 came"):
         RangedOctets("far.mcap", 100, lambda begin, end: bytes(50))[:10]
     with pytest.raises(RecordingError, match="is empty"):

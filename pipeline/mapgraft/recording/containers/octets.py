@@ -37,7 +37,8 @@ class RangedOctets:
     """The bytes of a file elsewhere. Only the blocks that somebody looks at are fetched, and kept.
 
     They are kept in a file without a name, which is gone when nobody holds a view any more, however the process ends.
-    Looking raises RecordingError where the bytes cannot be had. ``fetched_bytes`` and ``requests`` tell what it cost.
+    Looking raises RecordingError where the bytes cannot be had, and ``broken`` tells of it from then on, whatever came
+    of the error. ``fetched_bytes`` and ``requests`` tell what it cost.
     """
 
     def __init__(self, name: str, size_bytes: int, read: Read) -> None:
@@ -51,6 +52,7 @@ class RangedOctets:
         self._here = bytearray(-(-size_bytes // BLOCK_BYTES))
         self._lock = threading.Lock()
         self.fetched_bytes = self.requests = 0
+        self.broken = ""
 
     def __len__(self) -> int:
         return self._size
@@ -83,21 +85,19 @@ class RangedOctets:
         begin, end = first * BLOCK_BYTES, min(last * BLOCK_BYTES, self._size)
         try:
             data = self._read(begin, end)
+            if len(data) != end - begin:
+                raise OSError(f"{len(data):,} of {end - begin:,} bytes at byte {begin:,} came")
         except OSError as error:
-            raise RecordingError(f"{self._name} cannot be read: {error.strerror or error}") from error
-        if len(data) != end - begin:
-            found = f"{len(data):,} of {end - begin:,} bytes at byte {begin:,}"
-            raise RecordingError(f"{self._name} cannot be read: {found} came") from OSError("a short answer")
+            self.broken = f"{self._name} cannot be read: {error.strerror or error}"
+            raise RecordingError(self.broken) from error
         try:
             written = 0
             while written < len(data):  # not by the mapping: a full disk would end the process
                 written += os.pwrite(self._file, memoryview(data)[written:], begin + written)
         except OSError as error:
-            where = tempfile.gettempdir()
-            raise RecordingError(
-                f"{self._name} cannot be kept in {where} while it is read: {error.strerror or error}; "
-                "make room there, or name another folder with TMPDIR"
-            ) from error
+            said = f"{self._name} cannot be kept in {tempfile.gettempdir()} while it is read: {error.strerror or error}"
+            self.broken = f"{said}; make room there, or name another folder with TMPDIR"
+            raise RecordingError(self.broken) from error
         with self._lock:
             self._here[first:last] = b"\1" * (last - first)
             self.fetched_bytes += len(data)
