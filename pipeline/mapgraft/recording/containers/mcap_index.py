@@ -214,7 +214,7 @@ class _Filler:
                     index.damaged.append((place, content._replace(suspect=b"")))
 
 
-def _by_all_descriptions(view: memoryview, faults: ReadFaults, limits: ReadLimits) -> McapIndex:
+def _by_all_descriptions(view: Octets, faults: ReadFaults, limits: ReadLimits) -> McapIndex:
     """The index of a file in which ids stand for several things: all is opened, in the order of the file."""
     index, described = McapIndex(), Descriptions()
     for piece in Walk(view, faults, described.declare).pieces(len(MAGIC), len(view)):

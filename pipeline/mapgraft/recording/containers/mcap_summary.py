@@ -103,7 +103,7 @@ def _is_there(view: Octets, value: ChunkIndex) -> bool:
     return record is not None and record.opcode == OPCODE_CHUNK and record.end == record.offset + value.chunk_length
 
 
-def _is_elsewhere(view: memoryview, told: Sequence[ChunkIndex]) -> bool:
+def _is_elsewhere(view: Octets, told: Sequence[ChunkIndex]) -> bool:
     """Whether the last of these chunks is not where it should be, but begins between the one before and its own end."""
     if _is_there(view, told[-1]):
         return False

@@ -107,7 +107,7 @@ class Walk:
                 yield record
                 at = record.end
             elif bytes(view[at : at + len(MAGIC)]) == MAGIC:  # the end, or another file joined to this one
-                self.joined |= _ANOTHER.match(view, at) is not None
+                self.joined |= _ANOTHER.match(view[at : at + len(MAGIC) + 1]) is not None
                 at += len(MAGIC)
             else:
                 found = next_beginning(view, at + 1, stop, bare=self._bare)
@@ -131,6 +131,6 @@ class Walk:
         self._broken = True
         if end == stop == len(self._view) and self._view[begin] in KNOWN_OPCODES:
             return  # a record that the file's end cuts
-        self.joined |= _ANOTHER.search(self._view, begin, end) is not None
+        self.joined |= _ANOTHER.search(self._view[begin:end]) is not None
         sentence = f"{end - begin} bytes at byte {begin} cannot be read as records: they are skipped"
         self._faults.add("records_damaged", sentence, place=begin)
