@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 from mapgraft.contracts import Observation
 from mapgraft.events import Event, Snapshot
-from mapgraft.outputs.parquet_log import ParquetLog, PartWriter
+from mapgraft.outputs.parquet_log import UNTITLED, WRITTEN, ParquetLog, PartWriter
 from mapgraft.outputs.provenance import RunProvenance
-from mapgraft.outputs.staging import Staging, writing
+from mapgraft.outputs.staging import SUFFIX, Staging, writing
 
 
 class RunParts:
@@ -71,8 +71,8 @@ class RunParts:
         with writing(self._folder):
             self._log.close(self._provenance.inputs)
             PartWriter(self._staging, "labels", self._run_id).close()  # people's; for those who read it before them
-            names = self._staging.publish()
-        self.parts = {PurePosixPath(name).parts[0]: self._folder / name for name in names}
+        unnamed = f"run_id={self._run_id}/{UNTITLED}{SUFFIX}"  # they get their names where they are put
+        self.parts = {table: self._folder / table / unnamed for table in (*WRITTEN, "labels")}
         self._finished = True
 
     def __enter__(self) -> Self:
