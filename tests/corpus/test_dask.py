@@ -41,7 +41,7 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
     with (tmp_path / "log").open("wb") as log:
         started = [subprocess.Popen(server, stdout=log, stderr=log, env=environment)]
         try:
-            waited_for("the scheduler's start", told.is_file)
+            waited_for("the scheduler's start", lambda: told.is_file() and told.read_text().rstrip().endswith("}"))
             started += [subprocess.Popen(worker, stdout=log, stderr=log, env=environment) for _ in range(2)]
             yield json.loads(told.read_text())["address"], started[1:]
         finally:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mapgraft.corpus.document import read_plan
@@ -120,6 +120,7 @@ def test_a_decision_table_travels_with_its_job(tmp_path: Path) -> None:
     assert job.rules_text == "[]\n" and job.content == {}
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(MAPPINGS, MAPPINGS)
 def test_what_is_laid_over_counts_and_everything_else_stays(under: Any, over: Any) -> None:
     both = laid_over(under, over)

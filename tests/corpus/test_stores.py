@@ -90,12 +90,12 @@ def test_refusals_of_an_object_store_are_sentences(s3: Any, tmp_path: Path) -> N
     with pytest.raises(OutputError, match=r"s3://no-such-bucket/x/a cannot be written: .*bucket"):
         (tmp_path / "f").write_bytes(b"x")
         open_store("s3://no-such-bucket/x").put(tmp_path / "f", "a")
-    s3.mkdir("recordings")
-    with pytest.raises(RecordingError, match=r"s3://recordings/a\.mcap does not exist"):
-        far_recording("s3://recordings/a.mcap")
-    s3.pipe_file("recordings/folder/a.txt", b"x")
+    s3.mkdir("refusing")
+    with pytest.raises(RecordingError, match=r"s3://refusing/a\.mcap does not exist"):
+        far_recording("s3://refusing/a.mcap")
+    s3.pipe_file("refusing/folder/a.txt", b"x")
     with pytest.raises(RecordingError, match=r"is a folder without metadata\.yaml"):
-        far_recording("s3://recordings/folder")
+        far_recording("s3://refusing/folder")
     with pytest.raises(UsageError, match="nowhere://bucket cannot be opened"):
         open_store("nowhere://bucket")
 
