@@ -20,7 +20,11 @@ SIGNALLED = 128  # plus its number is what a shell expects of a program that a s
 INTERRUPTED = SIGNALLED + signal.SIGINT
 ENDING = (signal.SIGTERM, signal.SIGHUP)  # what a system that shuts down, or a terminal that is closed, sends
 UNHANDLED = (signal.SIG_DFL, signal.default_int_handler)  # nohup ignores SIGHUP: that stays
-LOGGING = ("run", "revert", "confirm", "forbid")  # commands that write while they go on
+_DECIDED = "what was decided before, if anything, is on disk"
+LEFT = dict.fromkeys(("run", "revert", "confirm", "forbid"), _DECIDED) | {
+    "corpus": "what was done before is in the data set, and the same command goes on from there"
+}
+"""What is left of commands that write while they go on, when they are ended."""
 
 _received: list[signal.Signals] = []  # which of ENDING has ended this process
 
@@ -77,7 +81,7 @@ def _ended(code: int, arguments: list[str]) -> int:
     if code != INTERRUPTED:
         return code
     command = next((word for word in arguments if not word.startswith("-")), "")
-    left = "what was decided before, if anything, is on disk" if command in LOGGING else "nothing was written"
+    left = LEFT.get(command, "nothing was written")
     if _received:
         return _fail(f"ended by {_received[0].name}; {left}", SIGNALLED + _received[0])
     return _fail(f"interrupted; {left}", code)

@@ -6,6 +6,7 @@ import dataclasses
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -301,8 +302,14 @@ def _spell(value: Value) -> str:
 
 def parse_rules(text: str, origin: str) -> list[Rule]:
     """Rules from YAML text (a list); raises DecisionTableError with every fault and its place."""
+    return [rule.model_copy(deep=True) for rule in _parsed_rules(text, origin)]  # parameters may be lists
+
+
+@lru_cache(maxsize=32)
+def _parsed_rules(text: str, origin: str) -> tuple[Rule, ...]:
+    """Remembered, because one process may run many missions by the same rules, and parsing takes longer than some."""
     given = parse_yaml(text, f"the decision table {origin}", DecisionTableError)
-    return check_rules(given, origin)
+    return tuple(check_rules(given, origin))
 
 
 def check_rules(given: object, origin: str) -> list[Rule]:

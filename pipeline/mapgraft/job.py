@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,18 +25,20 @@ from mapgraft.decision import DecisionTable, build_table
 from mapgraft.errors import PluginError, RecordingError, UsageError
 from mapgraft.events import Event, Sink, Snapshot
 from mapgraft.failures import failure_sentences
+from mapgraft.guard import Guard
 from mapgraft.network.radio import Traffic
 from mapgraft.outputs.provenance import InputFile, RunProvenance, run_id_of
+from mapgraft.outputs.run_output import OpenOutput, RunOutput
 from mapgraft.plugins import Plugins, load_plugins
 from mapgraft.remember import MISSION_FILE, essence_text, inputs_of, remembered_text
 from mapgraft.replay import replay
 from mapgraft.robot import Robot
+from mapgraft.stand_ins import NONE, StandIns
 from mapgraft.stopwatch import Stopwatch
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from mapgraft.outputs.run_folder import RunFolder
     from mapgraft.recording.mission import Mission
 
 
@@ -123,22 +126,22 @@ class Fan:
 def run(
     files: Sequence[Path | str] | Path | str = (),
     config: Config | Mapping[str, Any] | Path | str | None = None,
-    out: Path | str | None = None,
+    out: Path | str | OpenOutput | None = None,
     *,
     plugins: Plugins | None = None,
     sinks: Sequence[Sink] = (),
     opened: Callable[[int, int], None] | None = None,
     verify_ledger: bool = False,
+    stand_ins: StandIns = NONE,
 ) -> Result:
-    """Replay recordings, merge the robots' maps, and write everything to the folder ``out`` if one is given.
+    """Replay recordings, merge the robots' maps, and write everything to ``out``: a folder, or what opens an output.
 
     Without files the embedded demo recording is replayed; a single path is a list of one. ``config`` is a Config, a
     mapping, or the path of a YAML or TOML file. ``sinks`` get everything that happens, too;
     ``opened`` is told the first and last stamp (ns) of what will be replayed. With ``verify_ledger`` the recording is
-    read once more, and every layer and fused map is compared with one computed anew. Raises MapgraftError with
-    one sentence; what was decided before is on disk.
+    read once more, and every layer and fused map is compared with one computed anew. ``stand_ins`` tell of files that
+    are not on this machine. Raises MapgraftError with one sentence; what was decided before is on disk.
     """
-    from mapgraft.outputs.run_folder import RunFolder
     from mapgraft.recording.losses import losses
     from mapgraft.recording.mission import open_mission
     from mapgraft.recording.naming import stem
@@ -147,16 +150,15 @@ def run(
     plugins, watch = plugins or load_plugins(), Stopwatch()
     with ExitStack() as stack:
         with watch.stage("opening"):
-            mission = stack.enter_context(open_mission(paths, checked, plugins=plugins))
+            mission = stack.enter_context(open_mission(paths, checked, plugins=plugins, octets=stand_ins.octets))
             stack.enter_context(mission.guard.armed())
             table = build_table(plugins, checked.rules)
-            provenance, run_id = identify(paths, checked, plugins, table)
+            provenance, run_id = identify(paths, checked, plugins, table, stand_ins.known)
             fan = Fan(list(sinks))
             assembly = assemble(mission, checked, plugins, table, fan)  # before the folder is touched: it may refuse
         folder = None
         if out is not None:
-            named = (Path(out), stem(paths[0]), run_id, provenance)
-            folder = RunFolder(*named, checked.output.scans, checked.output.report, assembly.exchange.guard)
+            folder = _output(out, checked, assembly.exchange.guard)(stem(paths[0]), run_id, provenance)
             stack.push(folder)  # before it is opened: Ctrl-C in between would leave a recording without an end
             fan.sinks.insert(0, folder.open())  # what anybody else hears of is on disk
             folder.keep(MISSION_FILE, remembered_text(paths, checked).encode())
@@ -177,7 +179,7 @@ def run(
             folder.finish()
         return Result(
             run_id=run_id,
-            folder=None if out is None else Path(out),
+            folder=Path(out) if isinstance(out, Path | str) else None,
             events=assembly.history.events,
             maps=fan.last,
             observations=count,
@@ -189,6 +191,15 @@ def run(
             failed=failed,
             ledgers=tuple(ledgers),
         )
+
+
+def _output(out: Path | str | OpenOutput, config: Config, guard: Guard) -> OpenOutput:
+    """What opens a run's output: a folder, where one is named."""
+    from mapgraft.outputs.run_folder import RunFolder
+
+    if callable(out):
+        return out
+    return partial(RunFolder, Path(out), scans=config.output.scans, report=config.output.report, guard=guard)
 
 
 def _asked(
@@ -210,7 +221,7 @@ def _lost(mission: Mission, assembly: Assembly) -> list[str]:
     return [*fault_sentences(mission.faults), *mission.tally.sentences(), *refused]
 
 
-def _write_maps(folder: RunFolder, assembly: Assembly, fan: Fan) -> None:
+def _write_maps(folder: RunOutput, assembly: Assembly, fan: Fan) -> None:
     """Write the maps' files while events can still tell of a map type that fails at it."""
     folder.write_maps()
     for robot, error in assembly.exchange.guard.take_untold():
@@ -259,7 +270,7 @@ def _replayed(mission: Mission, assembly: Assembly, sink: Sink, watch: Stopwatch
     return count
 
 
-def _tell_costs(folder: RunFolder, watch: Stopwatch, traffic: Traffic) -> None:
+def _tell_costs(folder: RunOutput, watch: Stopwatch, traffic: Traffic) -> None:
     """What the run took and what passed between the robots, for its folder."""
     stages = {stage.name: stage for stage in watch.stages}
     for name in ("opening", "replaying", "reading", "observing", "exchanging"):
@@ -309,23 +320,36 @@ def demo(name: str | None = None) -> tuple[list[Path], Path]:
 
 
 def identify(
-    paths: Sequence[Path], config: Config, plugins: Plugins, table: DecisionTable
+    paths: Sequence[Path],
+    config: Config,
+    plugins: Plugins,
+    table: DecisionTable,
+    known: Mapping[Path, InputFile] | None = None,
 ) -> tuple[RunProvenance, str]:
-    """What a run is made of, and its id: the same for the same contents, whatever persons said of the outcome."""
-    provenance = provenance_of(paths, config, plugins, table)
+    """What a run is made of, and its id: the same for the same contents, whatever persons said of the outcome.
+
+    Files that are ``known`` are not read for it.
+    """
+    provenance = provenance_of(paths, config, plugins, table, known=known)
     return provenance, run_id_of(replace(provenance, config_text=essence_of(paths, config, provenance.inputs)))
 
 
 def provenance_of(
-    paths: Sequence[Path], config: Config, plugins: Plugins, table: DecisionTable, clock: datetime | None = None
+    paths: Sequence[Path],
+    config: Config,
+    plugins: Plugins,
+    table: DecisionTable,
+    clock: datetime | None = None,
+    known: Mapping[Path, InputFile] | None = None,
 ) -> RunProvenance:
     """What a run is made of. ``clock`` is when it was started (default: now)."""
+    known = known or {}
     origins = {offered.origin for offered in plugins.offered.values()}
     return RunProvenance(
         version=__version__,
         config_text=config_text(config),
         decision_table_text=table.source,
-        inputs=[InputFile(str(path), *_digest(path)) for path in inputs_of(paths, config)],
+        inputs=[known.get(path) or input_file(path) for path in inputs_of(paths, config)],
         started_at=clock or datetime.now(UTC),
         host=platform.node(),
         plugins={origin.plugin: f"{origin.distribution} {origin.version}" for origin in origins},
@@ -334,8 +358,8 @@ def provenance_of(
 
 def essence_of(paths: Sequence[Path], config: Config, inputs: Sequence[InputFile]) -> str:
     """The configuration as it goes into the run's id: where files lie, and what persons say, makes no other run."""
-    sha256 = dict(zip(inputs_of(paths, config), (file.sha256 for file in inputs), strict=True))
-    return essence_text(paths, config, sha256)
+    identities = dict(zip(inputs_of(paths, config), (file.identity for file in inputs), strict=True))
+    return essence_text(paths, config, identities)
 
 
 def config_text(config: Config) -> str:
@@ -345,12 +369,12 @@ def config_text(config: Config) -> str:
     return buffer.getvalue()
 
 
-def _digest(path: Path) -> tuple[str, int]:
-    """The SHA-256 and size of a file, or of everything in a folder in the order of the names."""
+def input_file(path: Path) -> InputFile:
+    """What a file is, or everything in a folder in the order of the names; it is read whole."""
     files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
     digest, size = hashlib.sha256(), 0
     for file in files:
         with file.open("rb") as stream:
             digest.update(hashlib.file_digest(stream, "sha256").digest())
         size += file.stat().st_size
-    return digest.hexdigest(), size
+    return InputFile(str(path), digest.hexdigest(), size)

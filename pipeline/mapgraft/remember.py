@@ -67,17 +67,17 @@ def inputs_of(files: Sequence[Path], config: Config) -> list[Path]:
     return list(dict.fromkeys((*files, *further_files(files, config), *poses)))
 
 
-def essence_text(files: Sequence[Path], config: Config, sha256: Mapping[Path, str]) -> str:
+def essence_text(files: Sequence[Path], config: Config, identities: Mapping[Path, str]) -> str:
     """The configuration as far as it makes a run another one: with contents instead of paths, without a person's hand.
 
-    ``sha256`` holds the digests of ``inputs_of``. The decision table is left out: a run's id has its text.
+    ``identities`` tells what the files of ``inputs_of`` hold. The decision table is left out: a run's id has its text.
     """
     content = config.model_dump(mode="json", exclude={*HAND_FIELDS, "rules"})
     del content["output"]["report"]  # a page about the run
     for name, robot in config.robots.items():
         named, poses = _named(files, config, name), robot.poses.file
-        content["robots"][name]["files"] = [sha256[path] for path in named]
-        content["robots"][name]["poses"]["file"] = None if poses is None else sha256[poses]
+        content["robots"][name]["files"] = [identities[path] for path in named]
+        content["robots"][name]["poses"]["file"] = None if poses is None else identities[poses]
     return json.dumps(content, sort_keys=True)
 
 

@@ -13,9 +13,14 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-VERSION = "1.0.0"
+VERSION = "1.1.0"
 EXPERIMENTS = ("experiment_merges", "experiment_evidence", "experiment_verdicts", "experiment_times")
-TABLES = ("events", "metrics", "maps", "labels", "recordings", "timings", "traffic", "transforms", *EXPERIMENTS)
+CORPORA = ("runs", "failures")
+TABLES = (
+    *("events", "metrics", "maps", "labels", "recordings", "timings", "traffic", "transforms"),
+    *CORPORA,
+    *EXPERIMENTS,
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -101,6 +101,29 @@ def run(
     )
 
 
+@app.command()
+def corpus(
+    source: Annotated[str, typer.Argument(metavar="RUNS", help="A YAML file of missions, or a folder of recordings.")],
+    dataset: Annotated[str, typer.Option("--out", "-o", help="Folder or URL (s3://…) of the data set to add to.")],
+    config: Annotated[
+        list[str] | None, typer.Option("--config", "-c", help="A configuration to run every mission with; repeatable.")
+    ] = None,
+    executor: Annotated[str, typer.Option(help="processes, threads or dask:ADDRESS.")] = "processes",
+    workers: Annotated[int | None, typer.Option(min=1, help="How many on this machine; else one per CPU.")] = None,
+    retries: Annotated[int, typer.Option(min=0, help="How often to try again what may pass.")] = 2,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="List the jobs, and which are done.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
+    json: Json = False,
+    no_plugin: NoPlugin = None,
+    debug: Debug = False,
+) -> None:
+    """Run many missions, each with every configuration, into one data set; what is there is not done again."""
+    from mapgraft.commands.corpus import Asked, corpus_and_show
+
+    asked = Asked(source, dataset, tuple(config or ()), executor, workers, retries, tuple(no_plugin or ()))
+    corpus_and_show(asked, dry_run=dry_run, quiet=quiet, as_json=json)
+
+
 Out = Annotated[Path, typer.Argument(help="The folder of an earlier run.")]
 MergeId = Annotated[str, typer.Argument(help="A merge id, RECEIVER.DONOR.N, as the run's table shows it.")]
 By = Annotated[str, typer.Option("--by", help="Who says so; kept in the event.")]

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
-from multiprocessing.resource_tracker import ensure_running
 from typing import Any
 
 from mapgraft.errors import PluginError
 from mapgraft.evaluation.bench import Bench, Judged
-
-_PATIENCE_S = 5.0  # for a process that was asked to end
-_GONE = (EOFError, OSError)  # what a connection raises when nobody is at the other end
+from mapgraft.processes import GONE, ended, started, uninterrupted
 
 
 @contextmanager
@@ -28,56 +21,15 @@ def workers(bench: Bench, jobs: int) -> Iterator[Iterator[Judged]]:
     """
     crew: dict[Connection, SpawnProcess] = {}
     try:
-        ensure_running()  # it would let interrupts through again if it began below
-        with _uninterrupted():
+        with uninterrupted():
             for _ in range(jobs):
-                _add(crew)
+                connection, process = started(_work)
+                crew[connection] = process
         given = (bench.courses, bench.config, bench.plugins, bench.settings)
         yield _in_order(list(crew), given, len(bench.plans))
     finally:
-        with _uninterrupted():
-            _end(crew)
-
-
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Ctrl-C waits until this is left, and processes that are started inside never hear of it.
-
-    They inherit the mask of the thread; the handler is for signals that another thread gets.
-    """
-    waiting: list[int] = []
-    first = threading.current_thread() is threading.main_thread()
-    handler = signal.signal(signal.SIGINT, lambda number, _: waiting.append(number)) if first else None
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        if first:
-            signal.signal(signal.SIGINT, handler)
-    if waiting:
-        raise KeyboardInterrupt
-
-
-def _add(crew: dict[Connection, SpawnProcess]) -> None:
-    context = multiprocessing.get_context("spawn")  # a fork would copy locks that other threads hold
-    ours, theirs = context.Pipe()
-    process = context.Process(target=_work, args=(theirs,))
-    process.start()
-    theirs.close()
-    crew[ours] = process
-
-
-def _end(crew: dict[Connection, SpawnProcess]) -> None:
-    for connection, process in crew.items():
-        connection.close()
-        process.terminate()
-    for process in crew.values():
-        process.join(_PATIENCE_S)
-        if process.is_alive():
-            process.kill()
-            process.join()
-        process.close()
+        with uninterrupted():
+            ended(crew.items())
 
 
 def _in_order(crew: Sequence[Connection], given: object, count: int) -> Iterator[Judged]:
@@ -97,14 +49,14 @@ def _in_order(crew: Sequence[Connection], given: object, count: int) -> Iterator
 
 
 def _tell(connection: Connection, what: object) -> None:
-    with suppress(*_GONE):  # it may have said why before it ended: _hear tells
+    with suppress(*GONE):  # it may have said why before it ended: _hear tells
         connection.send(what)
 
 
 def _hear(connection: Connection) -> Judged:
     try:
         made: Judged | Exception = connection.recv()
-    except _GONE:
+    except GONE:
         raise PluginError(
             "a process that shared the work has ended by itself, perhaps for want of memory: try fewer --jobs"
         ) from None
@@ -115,8 +67,7 @@ def _hear(connection: Connection) -> Judged:
 
 def _work(connection: Connection) -> None:
     """What one process does: take numbers of pairs until there is None, and send back what came of them."""
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    with suppress(*_GONE):
+    with suppress(*GONE):
         for made in _made(connection.recv(), iter(connection.recv, None)):
             connection.send(made)
 
@@ -129,11 +80,3 @@ def _made(given: Sequence[Any], numbers: Iterable[int]) -> Iterator[Judged | Exc
             yield bench.judge(number)
     except Exception as error:
         yield error
-
-
-def _end_with_parent() -> None:
-    """Nobody waits for a result any more when the parent has ended, so do not finish the pair."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(1)

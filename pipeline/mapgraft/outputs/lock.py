@@ -13,11 +13,12 @@ from mapgraft.outputs.staging import JOURNAL, settle, writing
 
 LOCK = ".mapgraft.lock"
 RUN, EXPERIMENT = "summary.json", "experiment.json"  # who finds one of them finds everything that goes with it
-_HOLDS = {RUN: "a run", EXPERIMENT: "an experiment"}
+CORPUS = "corpus.json"
+_HOLDS = {RUN: "a run", EXPERIMENT: "an experiment", CORPUS: "a corpus"}
 
 
 def require_kind(out: Path, kind: str) -> None:
-    """Raises OutputError where the folder holds something of another kind, whose page would be overwritten."""
+    """Raises OutputError where the folder holds something of another kind, whose files would be mixed up."""
     for name, what in _HOLDS.items():
         if name != kind and (out / name).is_file():
             raise OutputError(f"{out} holds {what}: choose another folder")

@@ -11,11 +11,23 @@ from datetime import UTC, datetime
 
 @dataclass(frozen=True, slots=True)
 class InputFile:
-    """One file that was replayed; ``path`` as it was given, ``sha256`` of its bytes in hex."""
+    """One file that was replayed; ``path`` as it was given, ``sha256`` of its bytes in hex.
+
+    A file of an object store may be known by the store's ``etag`` instead, which changes with its contents: then
+    ``sha256`` is empty, for nobody has read the file whole. ``modified_ns`` is when a file on a disk was last written,
+    where somebody wants to know it again by that.
+    """
 
     path: str
     sha256: str
     size_bytes: int
+    etag: str = ""
+    modified_ns: int | None = None
+
+    @property
+    def identity(self) -> str:
+        """Equal for equal contents, as far as these are known."""
+        return self.sha256 or f"etag {self.etag} {self.size_bytes}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +57,11 @@ class RunProvenance:
             "config_sha256": _digest(self.config_text),
             "decision_table_sha256": _digest(self.decision_table_text),
             "inputs": json.dumps(
-                [{"path": i.path, "sha256": i.sha256, "size_bytes": i.size_bytes} for i in self.inputs]
+                [
+                    {"path": i.path, "sha256": i.sha256, "size_bytes": i.size_bytes}
+                    | ({"etag": i.etag} if i.etag else {})
+                    for i in self.inputs
+                ]
             ),
             "host": self.host,
             "started_at": self.started_at.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
@@ -62,7 +78,7 @@ def run_id_of(provenance: RunProvenance) -> str:
         "plugins": dict(sorted(provenance.plugins.items())),
         "config": provenance.config_text,
         "decision_table": provenance.decision_table_text,
-        "inputs": [file.sha256 for file in provenance.inputs],
+        "inputs": [file.identity for file in provenance.inputs],
     }
     return "r" + _digest(json.dumps(essence, sort_keys=True))[:15]
 

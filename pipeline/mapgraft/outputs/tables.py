@@ -49,7 +49,14 @@ def transforms_table(events: Iterable[Event]) -> pa.Table:
 def recordings_table(inputs: Sequence[InputFile]) -> pa.Table:
     """One row per input file, in the schema ``recordings``."""
     rows: list[Row] = [
-        {"position": n, "path": file.path, "sha256": file.sha256, "size_bytes": file.size_bytes}
+        {
+            "position": n,
+            "path": file.path,
+            "sha256": file.sha256 or None,
+            "size_bytes": file.size_bytes,
+            "etag": file.etag or None,
+            "modified": file.modified_ns,
+        }
         for n, file in enumerate(inputs)
     ]
     return rows_table("recordings", rows)

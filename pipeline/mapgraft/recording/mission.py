@@ -16,6 +16,7 @@ from mapgraft.contracts.sources import Fault, ReadFaults
 from mapgraft.correction import Correction
 from mapgraft.guard import Guard
 from mapgraft.plugins import Plugins
+from mapgraft.recording.containers.octets import Octets
 from mapgraft.recording.losses import fault_sentences
 from mapgraft.recording.poses.frames import Drift
 from mapgraft.recording.poses.rigid import Pose7, from_transform, inverse, levelled, to_transform
@@ -252,14 +253,21 @@ class Mission:
         return Observation(file.name, stamp_ns, stamp_ns, file.path.name, file.kind, file.payload, still, still)
 
 
-def open_mission(paths: Sequence[Path], config: Config, *, plugins: Plugins | None = None) -> Mission:
+def open_mission(
+    paths: Sequence[Path],
+    config: Config,
+    *,
+    plugins: Plugins | None = None,
+    octets: Mapping[Path, Octets] | None = None,
+) -> Mission:
     """Find the robots in some files and make them one mission.
 
-    ``plugins`` add readers, decoders and map formats. Raises RecordingError when a file cannot be read or there is
+    ``plugins`` add readers, decoders and map formats. ``octets`` holds the bytes of MCAP files that are not on this
+    machine, by the path that stands for each. Raises RecordingError when a file cannot be read or there is
     nothing to map, ConfigError when the configuration speaks of what is not there, TransformError and PluginError from
     what plugins read.
     """
-    library = Library(plugins, config.mission.typestore, config.limits)
+    library = Library(plugins, config.mission.typestore, config.limits, octets=octets)
     try:
         with library.guard.armed():
             roster = call_roll(paths, config, library)

@@ -41,6 +41,7 @@ from mapgraft.recording.containers.mcap_index import McapIndex, read_index
 from mapgraft.recording.containers.mcap_messages import messages, spans
 from mapgraft.recording.containers.mcap_records import MAGIC, chunk_content
 from mapgraft.recording.containers.mcap_scans import chunk_scans, index_entries, indexed_counts
+from mapgraft.recording.containers.octets import Octets
 from mapgraft.recording.containers.scanning import decoded_scan
 from mapgraft.recording.containers.selection import Wanted, places_of, wanted
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, RosCodec, Undecodable, codec_for
@@ -54,15 +55,24 @@ class McapSource:
     """One MCAP file. Raises RecordingError when the file is empty or no MCAP file at all.
 
     Chunks are found by the summary; without one, or with a damaged one, the file is walked and what can be read is
-    read. ``faults`` says what was lost.
+    read. ``faults`` says what was lost. ``octets`` are the file's bytes where it is not on this machine: then only what
+    is needed of it is fetched.
     """
 
     container = "mcap"
 
-    def __init__(self, path: Path, *, typestore: str = DEFAULT_TYPESTORE, limits: ReadLimits = DEFAULT_LIMITS) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *,
+        typestore: str = DEFAULT_TYPESTORE,
+        limits: ReadLimits = DEFAULT_LIMITS,
+        octets: Octets | None = None,
+    ) -> None:
         self.path = path
         self.faults = ReadFaults()
-        self._view = map_file(path)
+        self._view: Octets = map_file(path) if octets is None else octets
+        self._is_elsewhere = octets is not None
         self._limits = limits
         index = self._index()
         self.start_ns, self.end_ns = index.start_ns, index.end_ns
@@ -154,7 +164,8 @@ class McapSource:
         limits = self._limits
         if most_bytes is not None and most_bytes < limits.chunk_bytes:
             limits = replace(limits, chunk_bytes=most_bytes)
-        return chunk_content(self._view, place.offset, place.end, limits)
+        content = chunk_content(self._view, place.offset, place.end, limits)
+        return content._replace(costly=True) if self._is_elsewhere else content  # worth to be read ahead
 
     def _parse(self, want: Wanted, place: Place, content: Content) -> list[RawMessage]:
         renamings = self._renamings.get(place.offset)

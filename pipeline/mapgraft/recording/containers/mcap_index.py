@@ -25,6 +25,7 @@ from mapgraft.recording.containers.mcap_records import (
 from mapgraft.recording.containers.mcap_scans import indexed_span
 from mapgraft.recording.containers.mcap_summary import Summary, believable_chunks, read_summary
 from mapgraft.recording.containers.mcap_walk import Piece, Walk
+from mapgraft.recording.containers.octets import Octets
 
 _INDEX_HEAD, _INDEX_ENTRY = 15, 16  # bytes of a message index's opcode, lengths and channel, and of each message in it
 
@@ -86,7 +87,7 @@ def _has_time(place: Place) -> bool:
     return bool(place.channels or place.start_ns or place.end_ns)
 
 
-def read_index(view: memoryview, faults: ReadFaults, limits: ReadLimits) -> McapIndex:
+def read_index(view: Octets, faults: ReadFaults, limits: ReadLimits) -> McapIndex:
     """The index of a whole file, ``view``. Adds what is wrong to ``faults``.
 
     Where the summary tells of chunks these are not touched; only what lies between them is walked. Raises
@@ -124,7 +125,7 @@ def _told_place(value: ChunkIndex) -> Place:
     return Place(begin, end, value.message_start_time, value.message_end_time, value.message_index_offsets or None)
 
 
-def _gaps(view: memoryview, told: Sequence[ChunkIndex], summary: Summary | None) -> Iterator[tuple[int, int]]:
+def _gaps(view: Octets, told: Sequence[ChunkIndex], summary: Summary | None) -> Iterator[tuple[int, int]]:
     """What lies between the chunks that are known, from the first record to the summary or the end of the file."""
     begin = len(MAGIC)
     for k, value in enumerate(told):
@@ -139,7 +140,7 @@ def _gaps(view: memoryview, told: Sequence[ChunkIndex], summary: Summary | None)
 class _Filler:
     """Finds places by walking, and looks into chunks where nothing else tells what they hold."""
 
-    def __init__(self, view: memoryview, index: McapIndex, faults: ReadFaults, limits: ReadLimits) -> None:
+    def __init__(self, view: Octets, index: McapIndex, faults: ReadFaults, limits: ReadLimits) -> None:
         self._view = view
         self._index = index
         self._faults = faults
@@ -213,7 +214,7 @@ class _Filler:
                     index.damaged.append((place, content._replace(suspect=b"")))
 
 
-def _by_all_descriptions(view: memoryview, faults: ReadFaults, limits: ReadLimits) -> McapIndex:
+def _by_all_descriptions(view: Octets, faults: ReadFaults, limits: ReadLimits) -> McapIndex:
     """The index of a file in which ids stand for several things: all is opened, in the order of the file."""
     index, described = McapIndex(), Descriptions()
     for piece in Walk(view, faults, described.declare).pieces(len(MAGIC), len(view)):

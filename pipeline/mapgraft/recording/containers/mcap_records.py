@@ -1,4 +1,4 @@
-"""The records of an MCAP file, walked on a memory map without copying what is not needed.
+"""The records of an MCAP file, walked without copying, or fetching, what is not needed.
 
 Source: the MCAP format specification, version 0.
 """
@@ -18,6 +18,7 @@ from mcap.records import ChunkIndex, Footer, Header, Schema, Statistics
 
 from mapgraft.recording.containers.inflate import Content, inflate
 from mapgraft.recording.containers.limits import ReadLimits
+from mapgraft.recording.containers.octets import Octets, unpacked
 
 MAGIC = b"\x89MCAP0\r\n"
 RECORD_HEAD = 9  # opcode 1, length 8
@@ -35,9 +36,9 @@ KNOWN_OPCODES = frozenset(int(opcode) for opcode in Opcode)
 Parsed = ChannelRecord | ChunkIndex | Footer | Header | Schema | Statistics
 UNREADABLE = (McapError, struct.error, UnicodeDecodeError, ValueError, OverflowError, MemoryError)
 
-_head = struct.Struct("<BQ").unpack_from
-_chunk_head = struct.Struct("<QQQII").unpack_from  # start, end, size, crc, length of the compression's name
-_length = struct.Struct("<Q").unpack_from
+_HEAD = struct.Struct("<BQ")
+_CHUNK_HEAD = struct.Struct("<QQQII")  # start, end, size, crc, length of the compression's name
+_LENGTH = struct.Struct("<Q")
 _READERS: dict[int, Callable[[ReadDataStream], Parsed]] = {
     int(Opcode.HEADER): Header.read,
     int(Opcode.FOOTER): Footer.read,
@@ -58,10 +59,10 @@ class Record(NamedTuple):
     whole: bool
 
 
-def records(view: memoryview, start: int, stop: int) -> Iterator[Record]:
+def records(view: Octets, start: int, stop: int) -> Iterator[Record]:
     """The records in ``view[start:stop]``; the last one may be cut. Stops where there is no record any more."""
     while stop - start >= RECORD_HEAD:
-        opcode, length = _head(view, start)
+        opcode, length = unpacked(_HEAD, view, start)
         if opcode == 0:
             return
         end = start + RECORD_HEAD + length
@@ -69,7 +70,7 @@ def records(view: memoryview, start: int, stop: int) -> Iterator[Record]:
         start = end
 
 
-def parsed(view: memoryview, record: Record) -> Parsed | None:
+def parsed(view: Octets, record: Record) -> Parsed | None:
     """The record as a value of the ``mcap`` library; None for an opcode that is not needed, or a broken body."""
     reader = _READERS.get(record.opcode)
     if reader is None or not record.whole:
@@ -85,7 +86,7 @@ def is_parsed(opcode: int) -> bool:
     return opcode in _READERS
 
 
-def index_channel(view: memoryview, record: Record) -> int:
+def index_channel(view: Octets, record: Record) -> int:
     """The channel that a whole message index record is of."""
     return int.from_bytes(view[record.begin : record.begin + 2], "little")
 
@@ -106,13 +107,13 @@ class ChunkHead(NamedTuple):
     packed_bytes: int
 
 
-def chunk_head(view: memoryview, record: Record) -> ChunkHead | None:
+def chunk_head(view: Octets, record: Record) -> ChunkHead | None:
     """The head of a chunk, also of a cut one; None when even the head is broken."""
     try:
-        start_ns, end_ns, size, crc, name_bytes = _chunk_head(view, record.begin)
+        start_ns, end_ns, size, crc, name_bytes = unpacked(_CHUNK_HEAD, view, record.begin)
         at = record.begin + 32
         compression = str(view[at : at + name_bytes], "ascii")
-        (packed_bytes,) = _length(view, at + name_bytes)
+        (packed_bytes,) = unpacked(_LENGTH, view, at + name_bytes)
     except (struct.error, UnicodeDecodeError):
         return None
     begin = at + name_bytes + 8
@@ -123,7 +124,7 @@ def chunk_head(view: memoryview, record: Record) -> ChunkHead | None:
     )
 
 
-def chunk_content(view: memoryview, offset: int, end: int, limits: ReadLimits) -> Content:
+def chunk_content(view: Octets, offset: int, end: int, limits: ReadLimits) -> Content:
     """What a place in the file holds: a chunk's content, or the bare records themselves in a file without chunks."""
     record = next(records(view, offset, end), None)
     if record is None or record.opcode not in KNOWN_OPCODES:

@@ -22,11 +22,12 @@ from mapgraft.recording.containers.mcap_records import (
     OPCODE_MESSAGE_INDEX,
     RECORD_HEAD,
 )
+from mapgraft.recording.containers.octets import Octets, unpacked
 from mapgraft.recording.containers.selection import Wanted
 from mapgraft.recording.decoding.laser_layout import FLOAT32, LITTLE_ENDIAN_CDR, Layout, layout_of
 from mapgraft.recording.decoding.names import bare_frame
 
-_index_head = struct.Struct("<BQHI").unpack_from  # opcode, length, channel, bytes of the entries
+_INDEX_HEAD = struct.Struct("<BQHI")  # opcode, length, channel, bytes of the entries
 _message_head = struct.Struct("<BQHIQ").unpack_from
 _new_scan = partial(tuple.__new__, ScanMessage)  # what NamedTuple's constructor does, at half the price
 _new_recorded = partial(tuple.__new__, RecordedScan)
@@ -34,7 +35,7 @@ _new_recorded = partial(tuple.__new__, RecordedScan)
 Entries = NDArray[np.uint64]  # (n, 2): log time in nanoseconds, offset of the message record in the chunk
 
 
-def index_entries(view: memoryview, at: int, channel_id: int, want: Wanted) -> Entries | None:
+def index_entries(view: Octets, at: int, channel_id: int, want: Wanted) -> Entries | None:
     """The entries of a message index record in the window, in log-time order; None when there is no such record."""
     entries = _entries(view, at, channel_id)
     if entries is None:
@@ -56,7 +57,7 @@ class IndexedSpan(NamedTuple):
     end_ns: int
 
 
-def indexed_span(view: memoryview, indexes: Mapping[int, int]) -> IndexedSpan | None:
+def indexed_span(view: Octets, indexes: Mapping[int, int]) -> IndexedSpan | None:
     """What message indexes, by channel, at these places of the file tell; None unless all of them can be read."""
     counts, start_ns, end_ns = dict[int, int](), 2**64, -1
     for channel_id, at in indexes.items():
@@ -70,22 +71,22 @@ def indexed_span(view: memoryview, indexes: Mapping[int, int]) -> IndexedSpan | 
     return IndexedSpan(counts, start_ns, end_ns) if counts else None
 
 
-def indexed_counts(view: memoryview, indexes: Mapping[int, int]) -> dict[int, int]:
+def indexed_counts(view: Octets, indexes: Mapping[int, int]) -> dict[int, int]:
     """How many messages of which channel the message indexes, as far as they can be read, tell."""
     found = {channel_id: _entries(view, at, channel_id) for channel_id, at in indexes.items() if at}
     return {channel_id: len(entries) for channel_id, entries in found.items() if entries is not None}
 
 
-def _entries(view: memoryview, at: int, channel_id: int) -> Entries | None:
+def _entries(view: Octets, at: int, channel_id: int) -> Entries | None:
     try:
-        opcode, length, channel, size = _index_head(view, at)
+        opcode, length, channel, size = unpacked(_INDEX_HEAD, view, at)
     except (struct.error, OverflowError):  # an offset beyond all memory
         return None
     if opcode != OPCODE_MESSAGE_INDEX or channel != channel_id or size != length - 6 or size % 16:
         return None
     if at + 15 + size > len(view):
         return None
-    return np.frombuffer(view, "<u8", size // 8, at + 15).reshape(-1, 2)
+    return np.frombuffer(view[at + 15 : at + 15 + size], "<u8").reshape(-1, 2)
 
 
 def chunk_scans(data: bytes | memoryview, entries: Entries, channel: Channel) -> list[RecordedScan] | None:

@@ -24,6 +24,7 @@ from mapgraft.recording.containers.mcap_records import (
     is_parsed,
     parsed,
 )
+from mapgraft.recording.containers.octets import Octets, unpacked
 
 PRIVATE = 0x80  # opcodes from here on are for anybody's own use
 CHUNK_HEAD = 40  # bytes of a chunk record's body beside the compression's name and what is packed
@@ -35,24 +36,24 @@ _READ_BYTES = 64 << 10  # longer records are not looked into only to believe wha
 _ATTACHMENT = int(Opcode.ATTACHMENT)
 _FIXED = {int(Opcode.FOOTER): 20, int(Opcode.DATA_END): 4, int(Opcode.SUMMARY_OFFSET): 17}
 
-_head = struct.Struct("<BQ").unpack_from
-_index_head = struct.Struct("<HI").unpack_from
-_uint32 = struct.Struct("<I").unpack_from
-_uint64 = struct.Struct("<Q").unpack_from
+_HEAD = struct.Struct("<BQ")
+_INDEX_HEAD = struct.Struct("<HI")
+_UINT32 = struct.Struct("<I")
+_UINT64 = struct.Struct("<Q")
 
 
-def record_at(view: memoryview, at: int, stop: int) -> Record | None:
+def record_at(view: Octets, at: int, stop: int) -> Record | None:
     """The record at a place, which may be cut at ``stop``; None when there can be none."""
     if stop - at < RECORD_HEAD:
         return None
-    opcode, length = _head(view, at)
+    opcode, length = unpacked(_HEAD, view, at)
     if opcode == 0 or (opcode not in KNOWN_OPCODES and opcode < PRIVATE and length > stop - at):
         return None
     end = at + RECORD_HEAD + length
     return Record(opcode, at, at + RECORD_HEAD, min(end, stop), end <= stop)
 
 
-def fits(view: memoryview, record: Record) -> bool:
+def fits(view: Octets, record: Record) -> bool:
     """Whether a whole record's body adds up to its length; its last bytes may be unknown, for later versions."""
     length = record.end - record.begin
     if record.opcode == OPCODE_CHUNK:
@@ -62,7 +63,7 @@ def fits(view: memoryview, record: Record) -> bool:
     if record.opcode == OPCODE_MESSAGE_INDEX:
         if length < 6:
             return False
-        _, size = _index_head(view, record.begin)
+        _, size = unpacked(_INDEX_HEAD, view, record.begin)
         return bool(size % 16 == 0 and size <= length - 6)
     if record.opcode == _ATTACHMENT:
         return _attachment_bytes(view, record) == length
@@ -71,57 +72,59 @@ def fits(view: memoryview, record: Record) -> bool:
     return not is_parsed(record.opcode) or parsed(view, record) is not None
 
 
-def is_tight(view: memoryview, record: Record) -> bool:
+def is_tight(view: Octets, record: Record) -> bool:
     """Whether the body is so full of lengths that agree that only a record can look so."""
     length = record.end - record.begin
     if record.opcode == OPCODE_CHUNK:
         return _stated_chunk_bytes(view, record) == length
     if record.opcode == OPCODE_MESSAGE_INDEX:
-        return length >= 6 and _index_head(view, record.begin)[1] == length - 6
+        return length >= 6 and unpacked(_INDEX_HEAD, view, record.begin)[1] == length - 6
     return record.opcode == _ATTACHMENT or is_parsed(record.opcode)
 
 
-def is_cut_chunk(view: memoryview, record: Record) -> bool:
+def is_cut_chunk(view: Octets, record: Record) -> bool:
     """Whether a record that the file's end cuts is the beginning of a chunk and no false length."""
     if record.opcode != OPCODE_CHUNK or record.end - record.begin < CHUNK_HEAD:
         return False
     stated = _stated_chunk_bytes(view, record)
-    return stated is not None and stated == _head(view, record.offset)[1]
+    return stated is not None and stated == unpacked(_HEAD, view, record.offset)[1]
 
 
-def may_begin(view: memoryview, at: int, stop: int) -> bool:
+def may_begin(view: Octets, at: int, stop: int) -> bool:
     """Whether a record, the end mark or the end of it all can be at a place."""
     if at == stop or bytes(view[at : at + len(MAGIC)]) == MAGIC:
         return True
     record = record_at(view, at, stop)
     if record is None:
         return stop == len(view) and 0 < stop - at < RECORD_HEAD and view[at] in KNOWN_OPCODES
-    return record.whole or (stop == len(view) and record.opcode in KNOWN_OPCODES and _head(view, at)[1] < 1 << 40)
+    return record.whole or (
+        stop == len(view) and record.opcode in KNOWN_OPCODES and unpacked(_HEAD, view, at)[1] < 1 << 40
+    )
 
 
-def _stated_chunk_bytes(view: memoryview, record: Record) -> int | None:
+def _stated_chunk_bytes(view: Octets, record: Record) -> int | None:
     """The length of a chunk's body as what is in it says; None when not even that can be read."""
     try:
-        (name_bytes,) = _uint32(view, record.begin + 28)
+        (name_bytes,) = unpacked(_UINT32, view, record.begin + 28)
         if name_bytes > LONGEST_NAME:
             return None
-        return int(CHUNK_HEAD + name_bytes + _uint64(view, record.begin + 32 + name_bytes)[0])
+        return int(CHUNK_HEAD + name_bytes + unpacked(_UINT64, view, record.begin + 32 + name_bytes)[0])
     except struct.error:
         return None
 
 
-def _attachment_bytes(view: memoryview, record: Record) -> int | None:
+def _attachment_bytes(view: Octets, record: Record) -> int | None:
     at = record.begin + 16  # log and creation time
     for _ in range(2):  # name and media type
         if record.end - at < 4:
             return None
-        at += 4 + int(_uint32(view, at)[0])
+        at += 4 + int(unpacked(_UINT32, view, at)[0])
     if record.end - at < 8:
         return None
-    return int(at + 8 + _uint64(view, at)[0] + 4 - record.begin)
+    return int(at + 8 + unpacked(_UINT64, view, at)[0] + 4 - record.begin)
 
 
-def next_beginning(view: memoryview, at: int, stop: int, *, bare: bool) -> int:
+def next_beginning(view: Octets, at: int, stop: int, *, bare: bool) -> int:
     """Where the next chunk begins, or (``bare``: in files with messages outside chunks) the next row of messages.
 
     ``stop`` when there is none.
@@ -138,14 +141,14 @@ def next_beginning(view: memoryview, at: int, stop: int, *, bare: bool) -> int:
     return stop
 
 
-def _octets(view: memoryview, begin: int, end: int, stop: int, reach: int) -> NDArray[np.uint8]:
+def _octets(view: Octets, begin: int, end: int, stop: int, reach: int) -> NDArray[np.uint8]:
     """The bytes of a window and ``reach`` more, with zeros behind the end of the file."""
     octets = np.frombuffer(view[begin : min(end + reach, stop)], np.uint8)
     missing = end - begin + reach - len(octets)
     return np.concatenate([octets, np.zeros(missing, np.uint8)]) if missing else octets
 
 
-def _first_chunk(view: memoryview, begin: int, end: int, stop: int) -> int:
+def _first_chunk(view: Octets, begin: int, end: int, stop: int) -> int:
     octets = _octets(view, begin, end, stop, RECORD_HEAD + 32)
     count = end - begin
     likely = octets[:count] == OPCODE_CHUNK
@@ -160,7 +163,7 @@ def _first_chunk(view: memoryview, begin: int, end: int, stop: int) -> int:
     return stop
 
 
-def _first_messages(view: memoryview, begin: int, end: int, stop: int) -> int:
+def _first_messages(view: Octets, begin: int, end: int, stop: int) -> int:
     octets = _octets(view, begin, end, stop, RECORD_HEAD)
     count = end - begin
     likely = octets[:count] == OPCODE_MESSAGE
@@ -172,7 +175,7 @@ def _first_messages(view: memoryview, begin: int, end: int, stop: int) -> int:
     return stop
 
 
-def _is_chain(view: memoryview, at: int, stop: int) -> bool:
+def _is_chain(view: Octets, at: int, stop: int) -> bool:
     """Whether a few records in a row, or all up to the end, look right."""
     for _ in range(_CHAIN):
         record = record_at(view, at, stop)

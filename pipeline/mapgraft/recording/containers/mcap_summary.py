@@ -22,6 +22,7 @@ from mapgraft.recording.containers.mcap_records import (
     records,
 )
 from mapgraft.recording.containers.mcap_shapes import next_beginning
+from mapgraft.recording.containers.octets import Octets
 
 _WALKED = "the file is walked instead"
 
@@ -37,7 +38,7 @@ class Summary:
     checked: bool
 
 
-def read_summary(view: memoryview, faults: ReadFaults) -> Summary | None:
+def read_summary(view: Octets, faults: ReadFaults) -> Summary | None:
     """The summary of a whole file; None when there is none. Adds what is wrong with it to ``faults``."""
     if len(view) < len(MAGIC) + FOOTER_BYTES or bytes(view[-len(MAGIC) :]) != MAGIC:
         faults.add("cut_off", "the recording was cut off (it has no end mark): what was written is read", place=0)
@@ -59,7 +60,7 @@ def read_summary(view: memoryview, faults: ReadFaults) -> Summary | None:
     return Summary(footer.summary_start, found, trusted, bool(footer.summary_crc))
 
 
-def believable_chunks(view: memoryview, summary: Summary | None, faults: ReadFaults) -> list[ChunkIndex]:
+def believable_chunks(view: Octets, summary: Summary | None, faults: ReadFaults) -> list[ChunkIndex]:
     """The entries of the chunk index that can all be true at once, by where they begin; none without a summary.
 
     As long as the chunks lie one behind the other, the summary has a checksum, and the first and the last chunk are
@@ -96,13 +97,13 @@ def _behind(value: ChunkIndex) -> int:
     return int(value.chunk_start_offset + value.chunk_length + value.message_index_length)
 
 
-def _is_there(view: memoryview, value: ChunkIndex) -> bool:
+def _is_there(view: Octets, value: ChunkIndex) -> bool:
     """Whether there is a chunk of that length at that place."""
     record = next(records(view, value.chunk_start_offset, len(view)), None)
     return record is not None and record.opcode == OPCODE_CHUNK and record.end == record.offset + value.chunk_length
 
 
-def _is_elsewhere(view: memoryview, told: Sequence[ChunkIndex]) -> bool:
+def _is_elsewhere(view: Octets, told: Sequence[ChunkIndex]) -> bool:
     """Whether the last of these chunks is not where it should be, but begins between the one before and its own end."""
     if _is_there(view, told[-1]):
         return False

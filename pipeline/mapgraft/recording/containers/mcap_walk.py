@@ -27,6 +27,7 @@ from mapgraft.recording.containers.mcap_shapes import (
     next_beginning,
     record_at,
 )
+from mapgraft.recording.containers.octets import Octets
 
 BARE_BLOCK_BYTES = 1 << 20
 """Messages outside chunks are read in blocks of about this size."""
@@ -54,7 +55,7 @@ class Walk:
     Schemas and channels outside chunks are handed to ``declare``.
     """
 
-    def __init__(self, view: memoryview, faults: ReadFaults, declare: Callable[[object], None]) -> None:
+    def __init__(self, view: Octets, faults: ReadFaults, declare: Callable[[object], None]) -> None:
         self._view = view
         self._faults = faults
         self._declare = declare
@@ -106,7 +107,7 @@ class Walk:
                 yield record
                 at = record.end
             elif bytes(view[at : at + len(MAGIC)]) == MAGIC:  # the end, or another file joined to this one
-                self.joined |= _ANOTHER.match(view, at) is not None
+                self.joined |= _ANOTHER.match(view[at : at + len(MAGIC) + 1]) is not None
                 at += len(MAGIC)
             else:
                 found = next_beginning(view, at + 1, stop, bare=self._bare)
@@ -130,6 +131,6 @@ class Walk:
         self._broken = True
         if end == stop == len(self._view) and self._view[begin] in KNOWN_OPCODES:
             return  # a record that the file's end cuts
-        self.joined |= _ANOTHER.search(self._view, begin, end) is not None
+        self.joined |= _ANOTHER.search(self._view[begin:end]) is not None
         sentence = f"{end - begin} bytes at byte {begin} cannot be read as records: they are skipped"
         self._faults.add("records_damaged", sentence, place=begin)

@@ -11,6 +11,7 @@ from mapgraft.contracts.sources import Source
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.carmen_lines import KEYWORDS
 from mapgraft.recording.containers.limits import DEFAULT_LIMITS, ReadLimits
+from mapgraft.recording.containers.octets import Octets
 from mapgraft.recording.containers.text_lines import GZIP_MAGIC
 from mapgraft.recording.containers.tum_file import pose_of
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, known_typestore
@@ -41,15 +42,20 @@ def open_source(
     typestore: str | None = None,
     readers: Sequence[Reader] = (),
     limits: ReadLimits = DEFAULT_LIMITS,
+    octets: Octets | None = None,
 ) -> Source:
     """Open one recording: a file, or the folder of a ROS 2 bag.
 
     ``typestore`` names the rosbags typestore for ROS 2 messages whose definition is not in the file (default
-    ``ros2_humble``). ``readers`` come first for files with their suffixes. ``limits``
-    bound what a container may unpack to. Raises RecordingError when the file is
-    missing, empty, unreadable or no recording, and UsageError for an unknown typestore.
+    ``ros2_humble``). ``readers`` come first for files with their suffixes. ``limits`` bound what a container may unpack
+    to. ``octets`` are the bytes of an MCAP file that is not on this machine, for which ``path`` is only a name. Raises
+    RecordingError when the file is missing, empty, unreadable or no recording, and UsageError for an unknown typestore.
     """
     path, types = Path(path), known_typestore(typestore or DEFAULT_TYPESTORE).value
+    if octets is not None:
+        from mapgraft.recording.containers.mcap_file import McapSource
+
+        return McapSource(path, typestore=types, limits=limits, octets=octets)
     try:
         is_folder = path.is_dir()
         if not is_folder and not path.exists():

@@ -13,6 +13,7 @@ from mapgraft.errors import FailedPluginError
 from mapgraft.guard import Guard
 from mapgraft.plugins import Plugins
 from mapgraft.recording.containers.limits import ReadLimits
+from mapgraft.recording.containers.octets import Octets
 from mapgraft.recording.containers.opening import Reader, is_named_as_recording, open_source
 from mapgraft.recording.naming import real_path
 from mapgraft.recording.robots.glimpse import Glimpse, glimpse
@@ -26,7 +27,8 @@ class Library:
     """Opens recordings and ready-made map files, with what plugins add to both.
 
     ``typestore`` names the rosbags typestore for messages whose definition is not in their file. ``guard`` watches over
-    plugins' readers, decoders and formats; where none is given there is a new one.
+    plugins' readers, decoders and formats; where none is given there is a new one. ``octets`` holds the bytes of MCAP
+    files that are not on this machine, by the path that stands for each.
     """
 
     def __init__(
@@ -35,11 +37,13 @@ class Library:
         typestore: str,
         limits: LimitsConfig | None = None,
         guard: Guard | None = None,
+        octets: Mapping[Path, Octets] | None = None,
     ) -> None:
         self._plugins = plugins or Plugins()
         self._limits = limits or LimitsConfig()
         self.guard = guard or Guard(self._limits)
         self._typestore = typestore
+        self._octets = {path.resolve(): known for path, known in (octets or {}).items()}
         self._glimpses: dict[Path, Glimpse] = {}
         self._readers = [
             Reader(offered.descriptor.accepts, self._reader(offered.descriptor.name))
@@ -59,7 +63,9 @@ class Library:
         key = real_path(path)
         if key not in self._glimpses:
             bounds = ReadLimits(self._limits.chunk_bytes, self._limits.expansion)
-            source = open_source(path, typestore=self._typestore, readers=self._readers, limits=bounds)
+            source = open_source(
+                path, typestore=self._typestore, readers=self._readers, limits=bounds, octets=self._octets.get(key)
+            )
             try:
                 self._glimpses[key] = glimpse(source, self.payloads)
             except BaseException:
