@@ -10,6 +10,7 @@ from types import NoneType
 from typing import Any, Literal
 
 from mapgraft.contracts import Layer, MapError, MapMetadata, MapType, PartedType, PreviewedType, Provenance
+from mapgraft.graph.claims import MOST_NAME_BYTES
 
 Form = Literal["parts", "whole"]
 _UNREADABLE = (ValueError, KeyError, TypeError, OverflowError, RecursionError)  # what strangers' bytes raise
@@ -44,10 +45,19 @@ class Offer:
         """Raises MapError when the bytes are not an offer."""
         try:
             content = json.loads(data)
-            source, epoch, version = content["provenance"]
-            return cls(Provenance(str(source), int(epoch), int(version)), _metadata(dict(content["metadata"])))
+            return cls(_provenance(*content["provenance"]), _metadata(dict(content["metadata"])))
         except _UNREADABLE as error:
             raise MapError(f"an offer of {len(data)} bytes cannot be read: {error}") from None
+
+
+def _provenance(source: object, epoch: int, version: int) -> Provenance:
+    """A source and version that every message can tell; raises what ``Offer.decode`` catches when it is none."""
+    found = Provenance(str(source), int(epoch), int(version))
+    if not 0 < len(found.source.encode()) <= MOST_NAME_BYTES:
+        raise ValueError(f"its source has a name of {len(found.source)} letters")
+    if not (0 <= found.epoch < 1 << 32 and 0 <= found.version < 1 << 63):
+        raise ValueError(f"its epoch or version is none that a robot counts to: {str(found[1:])[:60]}")
+    return found
 
 
 def _metadata(given: dict[str, Any]) -> MapMetadata:
@@ -94,6 +104,11 @@ def cut(map_type: MapType, layer: Layer) -> tuple[Form, Mapping[bytes, bytes]]:
     """A layer as it is sent: in the parts of its type, or as a whole."""
     if isinstance(map_type, PartedType):
         return "parts", map_type.parts(layer)
+    return uncut(map_type, layer)
+
+
+def uncut(map_type: MapType, layer: Layer) -> tuple[Form, Mapping[bytes, bytes]]:
+    """A layer as a whole."""
     return "whole", {b"": map_type.encode(layer)}
 
 

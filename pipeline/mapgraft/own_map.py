@@ -9,7 +9,7 @@ from typing import Final
 from mapgraft.contracts import Donation, Layer, MapMetadata, MapType, Observation, Provenance, Region
 from mapgraft.errors import MapError, PluginError
 from mapgraft.events import DonorMap
-from mapgraft.exchange import Form, Offer, SentLayer, cut, preview_of
+from mapgraft.exchange import Form, Offer, SentLayer, cut, preview_of, uncut
 from mapgraft.guard import Call
 from mapgraft.history import Journal, Moment
 from mapgraft.merge import Merge
@@ -77,11 +77,20 @@ class OwnMap:
             whole = self.encoded_layer()
         return SentLayer(self.provenance, self.map_type.name, "whole", lambda: {b"": whole}, len(whole))
 
-    def cut(self, preview: bool = False) -> tuple[Form, Mapping[bytes, bytes]]:
-        """The same in parts, ready to be sent, or what it looks like; raises as ``offer``."""
+    def cut(self, layer: Layer) -> tuple[Form, Mapping[bytes, bytes]]:
+        """The offered layer, or its preview, as it is sent, in parts where its type has any; raises as ``offer``."""
         with self.asking():
-            layer = self.reversal.offered_layer()
-            return cut(self.map_type, preview_of(self.map_type, layer) if preview else layer)
+            return cut(self.map_type, layer)
+
+    def uncut(self, layer: Layer) -> tuple[Form, Mapping[bytes, bytes]]:
+        """The same as a whole, whatever its type; raises as ``offer``."""
+        with self.asking():
+            return uncut(self.map_type, layer)
+
+    def preview(self) -> Layer:
+        """What the offered layer looks like; raises MapError when its type has none, and else as ``offer``."""
+        with self.asking():
+            return preview_of(self.map_type, self.reversal.offered_layer())
 
     def encoded_layer(self) -> bytes:
         """The offered layer in its canonical encoding."""

@@ -43,6 +43,10 @@ def _offer(**changed: object) -> bytes:
 
 UNFIT = {
     "an infinite epoch": _offer(provenance=["a", math.inf, 1]),
+    "an epoch before the first": _offer(provenance=["a", -1, 1]),
+    "a version that nobody counts to": _offer(provenance=["a", 1, 1 << 63]),
+    "a source without a name": _offer(provenance=["", 1, 1]),
+    "a source whose name no message holds": _offer(provenance=["a" * 401, 1, 1]),
     "too short": _offer(provenance=["a", 1]),
     "metadata as a word": _offer(metadata="x"),
     "a type that is no word": _offer(type=[]),

@@ -28,6 +28,7 @@ from mapgraft.guarded_map_type import OPTIONAL, GuardedMapType
 from mapgraft.outputs.provenance import RunProvenance
 from mapgraft.outputs.run_folder import RunFolder
 from mapgraft.procedures import METHODS
+from mapgraft.replay import Network
 
 REVERSALS = ("ledger", "multi_map", "single_map")
 LIMITS = LimitsConfig(plugin_s=0.5)
@@ -183,6 +184,44 @@ LENIENT = {
     "fuse": {"use": "sum"},
     "verify": {"use": "at_most", "metrics": ["disagreement"], "every": 1, "limit": 99},
 }
+
+
+@pytest.mark.parametrize("wrong", [boom, nothing, refuse, hang])
+@pytest.mark.parametrize("previews", [False, True])
+def test_a_layer_that_cannot_be_cut_goes_as_a_whole(play, monkeypatch, wrong, previews):
+    how = {"limits": LIMITS, "network": Network(previews=previews)}
+    memory, robots, calls = played(play, monkeypatch, "parts", 0, wrong, **how)
+    assert calls
+    failed = [event for event in memory.events if event.kind == "failed"]
+    if wrong is not refuse:
+        assert {event.by for event in failed} == {MAP_TYPE}
+        assert len([event for event in failed if "again" in event.reason]) <= len(robots)
+    assert not any(robot.failed for robot in robots.values())
+    kinds = {event.kind for event in memory.events}
+    assert {"merged", "updated", "reverted"} <= kinds, "all goes on as without parts"
+
+
+@pytest.mark.parametrize("wrong", [boom, nothing, refuse, hang])
+def test_a_map_that_cannot_be_previewed_is_looked_at_itself(play, monkeypatch, wrong):
+    how = {"limits": LIMITS, "network": Network(previews=True)}
+    undisturbed, _, seen = played(play, monkeypatch, "preview", 1_000_000, wrong, **how)
+    assert seen, "previews are asked for"
+    memory, robots, calls = played(play, monkeypatch, "preview", 0, wrong, **how)
+    assert calls
+    failed = [event for event in memory.events if event.kind == "failed"]
+    assert {event.by for event in failed} == (set() if wrong is refuse else {MAP_TYPE})
+    assert not any(robot.failed for robot in robots.values())
+    merges = [event.merge_id for event in memory.events if event.kind == "merged"]
+    assert merges == [event.merge_id for event in undisturbed.events if event.kind == "merged"]
+
+
+@pytest.mark.parametrize("wrong", [boom, nothing, refuse, hang])
+def test_what_came_and_cannot_be_joined_ends_nobodys_part(play, monkeypatch, wrong):
+    memory, robots, calls = played(play, monkeypatch, "join", 0, wrong, limits=LIMITS)
+    assert calls
+    failed = [event for event in memory.events if event.kind == "failed"]
+    assert {event.by for event in failed} == (set() if wrong is refuse else {MAP_TYPE})
+    assert not any(robot.failed or robot.merges for robot in robots.values())
 
 
 @pytest.mark.parametrize("method", SHOWING)

@@ -144,7 +144,8 @@ def test_a_robot_that_fails_while_it_is_asked_holds_nobody_up(play, monkeypatch)
     def broken(self, layer):
         raise OSError("its disk is full")
 
-    monkeypatch.setattr("beacons.Beacons.parts", broken)
+    for method in ("parts", "encode"):
+        monkeypatch.setattr(f"beacons.Beacons.{method}", broken)
     for network in (Network(), Network(SLOW)):
         memory, robots, _ = play(*begun(*PLACES), (9, "alpha", *PLACES["alpha"]), meet=(1, 5), network=network)
         failed = [robot.failed for robot in robots.values() if robot.failed]

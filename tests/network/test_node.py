@@ -108,7 +108,7 @@ def test_a_preview_that_is_not_liked_saves_the_layer(monkeypatch):
 def test_who_cannot_send_says_why(monkeypatch):
     swarm = swarm_of("a", "b", previews=False)
 
-    def broken(aspect):
+    def broken(aspect, stamp_ns):
         raise MapError("its disk is full")
 
     monkeypatch.setattr(swarm.robots["b"], "cut", broken)

@@ -129,7 +129,7 @@ class Robot:
         metadata = MapMetadata(self.map_type.name, RESOLUTION_M, observations=len(self.scans))
         return Offer(Provenance(*self.source, self.version), metadata).encode()
 
-    def cut(self, aspect: Aspect) -> tuple[Form, Mapping[bytes, bytes]]:
+    def cut(self, aspect: Aspect, _stamp_ns: int) -> tuple[Form, Mapping[bytes, bytes]]:
         layer = self.reversal.offered_layer()
         return "parts", self.map_type.parts(layer if aspect == "layer" else self.map_type.preview(layer))
 

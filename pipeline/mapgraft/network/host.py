@@ -22,8 +22,8 @@ class Host(Protocol):
         """What there is to tell of the robot's map (``mapgraft.exchange.Offer``), its source and version in it."""
         ...
 
-    def cut(self, aspect: Aspect) -> tuple[Form, Mapping[bytes, bytes]]:
-        """The offered layer, or its preview, as it travels."""
+    def cut(self, aspect: Aspect, stamp_ns: int) -> tuple[Form, Mapping[bytes, bytes]]:
+        """The offered layer, or its preview, as it travels; MapError for a preview that cannot be had ends nothing."""
         ...
 
     def wants(self, offer: bytes, size: int, stamp_ns: int) -> Wish:

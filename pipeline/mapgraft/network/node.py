@@ -112,7 +112,7 @@ class Node:
                 case Told():
                     self._learn(message.claims, now_ns)
                 case Want():
-                    self._asked_for(sender, message)
+                    self._asked_for(sender, message, now_ns)
                 case Parts():
                     self._came(sender, message, len(data), now_ns)
                 case Namesake():
@@ -211,21 +211,23 @@ class Node:
                 self._ask(copy, peer, now_ns)
                 return
 
-    def _asked_for(self, sender: str, want: Want) -> None:
+    def _asked_for(self, sender: str, want: Want, now_ns: int) -> None:
         """Answer from what is held; what is the robot's own is cut as it is now."""
         if want.copy.source == self.source:
             try:
-                self._publish(want.copy)
+                self._publish(want.copy, now_ns)
             except (PluginError, MapError) as error:
                 self._say(sender, Parts(want.copy, want.since, reason=str(error)))
+                if want.copy.aspect == "preview" and isinstance(error, MapError):
+                    return
                 raise
         self._say(sender, *self.replica.answer(want))
 
-    def _publish(self, copy: Copy) -> None:
+    def _publish(self, copy: Copy, now_ns: int) -> None:
         offer = self.host.offer()
         version = _offer(offer).provenance.version
         if self.replica.version(copy) != version:
-            form, parts = self.host.cut(copy.aspect)
+            form, parts = self.host.cut(copy.aspect, now_ns)
             self.replica.publish(copy, self.writer, offer, version, form, parts)
 
     def _came(self, sender: str, parts: Parts, size: int, now_ns: int) -> None:
@@ -266,9 +268,11 @@ class Node:
         self._repeat(copy, question, now_ns)
 
     def _nothing_new(self, copy: Copy, question: Question, reason: str, now_ns: int) -> None:
-        """The question is answered, though not with what was asked for."""
+        """The question is answered, though not with what was asked for: without a preview the layer is looked at."""
         del self._questions[copy]
-        if question.offer and reason:
+        if question.offer and reason and copy.aspect == "preview":
+            self._get(Copy(copy.source, "layer"), question.peer, question.offer, now_ns)
+        elif question.offer and reason:
             self.host.refused(question.offer, reason, now_ns)
         self._wake(now_ns + self.patience_ns)
 

@@ -31,8 +31,8 @@ class RobotHost:
     def offer(self) -> bytes:
         return self.robot.offer()
 
-    def cut(self, aspect: Aspect) -> tuple[Form, Mapping[bytes, bytes]]:
-        return self.robot.own.cut(preview=aspect == "preview")
+    def cut(self, aspect: Aspect, stamp_ns: int) -> tuple[Form, Mapping[bytes, bytes]]:
+        return self.robot.cut(stamp_ns, preview=aspect == "preview")
 
     def wants(self, offer: bytes, size: int, stamp_ns: int) -> Wish:
         if not self.robot.wants(offer, size, stamp_ns):
