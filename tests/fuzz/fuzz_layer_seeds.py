@@ -1,4 +1,4 @@
-"""Small layers of every map type, as they are sent and unpacked, messages, claims and offers, sound and not."""
+"""Small layers of every map type, as they are encoded and unpacked, and offers, sound and not."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
-from fuzz_layers import KINDS, parts_told, shrunk
+from fuzz_layers import KINDS, shrunk
 
 from mapgraft.contracts import (
     Cloud,
@@ -23,9 +23,6 @@ from mapgraft.contracts import (
     Transform,
 )
 from mapgraft.exchange import Offer
-from mapgraft.graph.claims import Claim, Source
-from mapgraft.network.held import Held
-from mapgraft.network.wire import MAGIC, Copy, Hello, Namesake, Parts, Summary, Told, Want, encode
 from mapgraft_cloud.map_type import PointCloud
 from mapgraft_cloud.voxels import Voxels
 from mapgraft_floorplan.map_type import FloorPlanType
@@ -56,7 +53,7 @@ def _baked(map_type, fuser, kind: str, payload: object) -> Layer:
 
 
 @cache
-def _layers() -> dict[bytes, list[bytes]]:
+def small_layers() -> dict[bytes, list[bytes]]:
     angles = np.linspace(-0.5, 0.5, 3)
     scan = Scan(np.stack((np.cos(angles), np.sin(angles)), 1), np.full(3, 0.7, np.float32), np.ones(3, np.bool_))
     ready = GridMessage(np.array([[0, 100], [-1, 50]], np.int8), 0.1, Transform.identity())
@@ -91,11 +88,11 @@ def _unpacked(kind: bytes, data: bytes) -> bytes:
 
 def layer_seeds() -> list[bytes]:
     """The first byte chooses what the rest is, see ``fuzz_layers.layer``."""
-    return [*_sent(), *_unfit_headers(), *_unfit_numbers(), *_parts(), *_said(), *_offers()]
+    return [*_sent(), *_unfit_headers(), *_unfit_numbers(), *_offers()]
 
 
 def _sent() -> Iterator[bytes]:
-    for kind, all_data in _layers().items():
+    for kind, all_data in small_layers().items():
         for data in all_data:
             if len(data) < 3000:
                 yield kind + data
@@ -113,7 +110,7 @@ def _sent() -> Iterator[bytes]:
 def _unfit_headers() -> Iterator[bytes]:
     """Lines of JSON that no layer begins with."""
     for kind in (b"c", b"l", b"f"):
-        line, _, body = _unpacked(kind, _layers()[kind][1]).partition(b"\n")
+        line, _, body = _unpacked(kind, small_layers()[kind][1]).partition(b"\n")
         header = json.loads(line)
         for name, value in header.items():
             for other in (None, -1, "x", [], {}, 1.5, float("inf"), [[1]], 10**30, [[1, 2, 3, 1]], [[1, 2, 3, 0]]):
@@ -128,7 +125,7 @@ def _unfit_numbers() -> Iterator[bytes]:
     """Bodies that say what cannot be, every number set to an edge in turn."""
     edges = (0, 1, -1, 3, 1 << 14, -(1 << 31), (1 << 31) - 1)
     for kind in (b"g", b"c", b"l", b"f"):
-        for data in _layers()[kind][1:]:
+        for data in small_layers()[kind][1:]:
             inner = shrunk(_unpacked(kind, data))
             begin = inner.find(b"\n") + 1 if kind != b"g" else 0
             places = range(begin, len(inner) - 8, 4)
@@ -136,58 +133,6 @@ def _unfit_numbers() -> Iterator[bytes]:
                 if n < 40 or n % 7 == 0:
                     edge = edges[n % len(edges)]
                     yield kind.upper() + inner[:at] + struct.pack("<i", edge) + inner[at + 4 :]
-
-
-def _parts() -> Iterator[bytes]:
-    """Layers in parts; one missing, empty, of another layer, or changed."""
-    for kind, map_type in {b"g": OccupancyGrid(resolution_m=0.1), b"c": PointCloud(), b"l": LineSegments()}.items():
-        cut = [map_type.parts(map_type.decode(data)) for data in _layers()[kind]]
-        for parts in cut:
-            yield b"j" + kind + parts_told(parts)
-            for name, part in parts.items():
-                yield b"j" + kind + parts_told({other: parts[other] for other in parts if other != name})
-                for changed in (b"", part[:-1], part + b"\0", bytes(len(part)), DEEP):
-                    yield b"j" + kind + parts_told({**parts, name: changed})
-        yield b"j" + kind + parts_told({**cut[0], **cut[-1]})
-        yield b"j" + kind + parts_told({**cut[-1], b"": b"x", bytes(64): b"y"})
-
-
-def _said() -> Iterator[bytes]:
-    """Messages of every kind, and what is in them; sound ones, and some that have another length, kind or hash."""
-    a, b = Source("a", 1), Source("b", 2)
-    claims = [
-        Claim(a, b, 1, "provisional", 0, T, support=3.0, stamp_ns=5, by="sequential"),
-        Claim(a, b, 1, "reverted", 1, T, 1.5, np.eye(6), support=-3.0, stamp_ns=9, by="x", reason="y"),
-    ]
-    told = tuple(claim.encode() for claim in claims)
-    offer = Offer(Provenance("a", 1, 3), MapMetadata("occupancy_grid", 0.05)).encode()
-    held, copy = Held(), Copy(a, "layer")
-    for version, data in enumerate(_layers()[b"g"][:3], start=1):
-        held.publish(b"writer-1", offer, version, "whole", {b"": data})
-    assert held.whole is not None
-    messages = [
-        encode(message)
-        for message in (
-            Hello(b"writer-1", offer, bytes(16), bytes(16), told),
-            Summary({a: bytes(16)}, (a,), True),
-            Told(told),
-            Want(copy, 2, b"writer-1", False, {b"part": 2}),
-            Parts(copy, 0, held.whole, 0, 1, tuple(held.pieces(0, {}, False))),
-            Parts(copy, 1, held.whole, 0, 1, tuple(held.pieces(1, {}, False))),
-            Parts(copy, 1, reason="there is none"),
-            Namesake(a, b"writer-1"),
-        )
-    ]
-    for data in messages:
-        yield b"m" + data
-        yield b"m" + data[:-1] + b"x"
-        inner = data[len(MAGIC) : -8]
-        for changed in (inner, inner[:-1], inner + b"\0", bytes([(inner[0] + 1) % 6]) + inner[1:], inner[:9] + inner):
-            yield b"w" + changed
-        for at in range(1, min(len(inner), 40)):
-            yield b"w" + inner[:at] + b"\xff\xff\xff\x7f" + inner[at + 1 :]
-    yield from (b"s" + data for data in told)
-    yield from (b"s" + told[1][:at] + b"\xff" + told[1][at + 1 :] for at in range(0, len(told[1]), 5))
 
 
 def _offers() -> Iterator[bytes]:

@@ -14,6 +14,7 @@ import fuzz_bags
 import fuzz_documents
 import fuzz_layers
 import fuzz_mcap
+import fuzz_messages
 import fuzz_recordings
 from fuzz_documents import damaged_document
 from fuzz_mutations import Own
@@ -77,6 +78,7 @@ WORDS = {
     "decision": "name when match accept fuse verify reject own.type other.type min max use metrics priority via "
     "occupancy_grid line_segments posterior log_odds sequential *a &a .nan null [[ {}",
     "layer": 'Infinity NaN null [[ "walls" "rows" "pools" "floors" "sensors" "metadata" 1e999 ~~',
+    "message": "layer preview parts whole alpha MGN sequential consistency occupancy_grid provenance metadata bounds_m",
 }
 """What random bytes would not hit upon."""
 
@@ -185,6 +187,24 @@ HARNESSES = {
                 "mapgraft_grid.map_type",
                 "mapgraft_lines.map_type",
             ),
+        ),
+        Harness(
+            "message",
+            fuzz_messages.message,
+            (
+                *_modules("mapgraft.network", "held", "packing", "replica", "wire"),
+                "mapgraft.graph.claims",
+                "mapgraft_cloud.cutting",
+                "mapgraft_grid.cutting",
+                "mapgraft_lines.cutting",
+            ),
+            4000,
+            bounds={
+                "mapgraft.network.held:MOST_PARTS": 12,
+                "mapgraft.network.held:MOST_HELD_BYTES": 3000,
+                "mapgraft.network.replica:MOST_COPIES": 1,
+            },
+            plain=("mapgraft_cloud.map_type", "mapgraft_grid.map_type", "mapgraft_lines.map_type"),
         ),
     )
 }

@@ -25,6 +25,7 @@ EXAMPLES = {
     "config": 250,
     "decision": 150,
     "layer": 300,
+    "message": 300,
 }
 SHORT = {"deadline": None, "database": None, "suppress_health_check": list(HealthCheck)}
 
