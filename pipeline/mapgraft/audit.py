@@ -14,7 +14,7 @@ import numpy as np
 from mapgraft.assembly import map_type_of
 from mapgraft.config import Config
 from mapgraft.contracts import Layer, Map, MapError, MapType, Observation, Provenance
-from mapgraft.errors import FailedPluginError
+from mapgraft.errors import PluginError
 from mapgraft.guard import Call, Guard
 from mapgraft.plugins import Plugins
 from mapgraft.procedures import Workshop
@@ -72,32 +72,30 @@ class _Anew:
     failed: str = ""
 
     def asking(self) -> Call:
+        """A context in which its layers and maps are compared: what they are asked has no guard of its own."""
         return self.guard.calling("map type", self.map_type.name)
 
     def begin(self, wanted: set[tuple[str, int]]) -> None:
         try:
-            with self.asking():
-                self.layer = self.map_type.new_layer()
-                self._keep(wanted)
-        except (FailedPluginError, MapError) as error:
+            self.layer = self.map_type.new_layer()
+            self._keep(wanted)
+        except (PluginError, MapError) as error:
             self.failed = str(error)
 
     def integrate(self, observation: Observation, wanted: set[tuple[str, int]]) -> None:
         if self.failed:
             return
         try:
-            with self.asking():
-                self.map_type.integrate(self.layer, observation)
+            self.map_type.integrate(self.layer, observation)
         except MapError:  # left out then as now
             return
-        except FailedPluginError as error:
+        except PluginError as error:
             self.failed = str(error)
             return
         self.version += 1
         try:
-            with self.asking():
-                self._keep(wanted)
-        except (FailedPluginError, MapError) as error:
+            self._keep(wanted)
+        except (PluginError, MapError) as error:
             self.failed = str(error)
 
     def _keep(self, wanted: set[tuple[str, int]]) -> None:
@@ -120,7 +118,7 @@ def _finding(robot: Robot, anew: Mapping[str, _Anew]) -> Finding:
         try:
             with again.asking():
                 faults += look(robot, anew)
-        except (FailedPluginError, MapError) as error:
+        except (PluginError, MapError) as error:
             faults.append(f"cannot be checked: {error}")
     if faults:
         return Finding(robot.name, False, "; ".join(faults))
