@@ -78,20 +78,19 @@ class _Anew:
     failed: str = ""
 
     def asking(self) -> Call:
+        """A context in which its layers and maps are compared: what they are asked has no guard of its own."""
         return self.guard.calling("map type", self.map_type.name)
 
     def begin(self, wanted: set[tuple[str, int]]) -> None:
         try:
-            with self.asking():
-                self.layer = self.map_type.new_layer()
-                self._keep(wanted)
+            self.layer = self.map_type.new_layer()
+            self._keep(wanted)
         except (PluginError, MapError) as error:
             self.failed = str(error)
 
     def integrate(self, observation: Observation, wanted: set[tuple[str, int]], remember: bool) -> None:
         try:
-            with self.asking():
-                self.map_type.integrate(self.layer, observation)
+            self.map_type.integrate(self.layer, observation)
         except MapError:  # left out then as now
             return
         except PluginError as error:
@@ -108,11 +107,9 @@ class _Anew:
             return
         self.recollection.observations[:] = anew.observations
         try:
-            with self.asking():
-                self.layer = self.map_type.new_layer()
+            self.layer = self.map_type.new_layer()
             for observation in anew.observations:
-                with self.asking():
-                    self.map_type.integrate(self.layer, observation)
+                self.map_type.integrate(self.layer, observation)
         except (PluginError, MapError) as error:
             self.failed = str(error)
         else:
@@ -122,8 +119,7 @@ class _Anew:
         """There is a new version."""
         self.version += 1
         try:
-            with self.asking():
-                self._keep(wanted)
+            self._keep(wanted)
         except (PluginError, MapError) as error:
             self.failed = str(error)
 

@@ -39,6 +39,7 @@ from mapgraft.stopwatch import Stopwatch
 if TYPE_CHECKING:
     import pyarrow as pa
 
+    from mapgraft.recording.losses import Loss
     from mapgraft.recording.mission import Mission
 
 
@@ -173,9 +174,7 @@ def run(
         ledgers = _audited(mission, assembly, checked, plugins) if verify_ledger else []
         if folder is not None:
             _tell_costs(folder, watch, assembly.exchange.traffic)
-            folder.noticed((*remarks, *failed, *lost))
-            folder.lost([asdict(loss) for loss in missing])
-            folder.audited([asdict(finding) for finding in ledgers])
+            _tell_rest(folder, (*remarks, *failed, *lost), missing, ledgers)
             folder.finish()
         return Result(
             run_id=run_id,
@@ -276,6 +275,13 @@ def _tell_costs(folder: RunOutput, watch: Stopwatch, traffic: Traffic) -> None:
     for name in ("opening", "replaying", "reading", "observing", "exchanging"):
         folder.timed(name, stages[name].elapsed_s, stages[name].count)
     folder.carried(traffic)
+
+
+def _tell_rest(folder: RunOutput, remarks: Sequence[str], missing: Sequence[Loss], ledgers: Sequence[Finding]) -> None:
+    """What was noticed, what could not be used, and how the ledgers fared, for its folder."""
+    folder.noticed(remarks)
+    folder.lost([asdict(loss) for loss in missing])
+    folder.audited([asdict(finding) for finding in ledgers])
 
 
 def map_alone(files: Sequence[Path], config: Config, plugins: Plugins, table: DecisionTable) -> Mapping[str, Robot]:

@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
+import slow_kernel
 
 PROGRAM = """
-import sys
-import numpy as np
-from numba import njit
+from slow_kernel import kernel
 from mapgraft.cli import main
 from mapgraft_grid.map_type import OccupancyGrid
-
-@njit
-def kernel(count):
-    total = 0.0
-    for n in range(count):
-        total += n % 7
-    return np.zeros(3), np.ones(3), total
 
 kernel(3)
 calls, integrate = [], OccupancyGrid.integrate
@@ -41,7 +35,8 @@ main()
 @pytest.mark.parametrize(("number", "said"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "ended by SIGTERM")])
 def test_no_map_is_published_as_if_nothing_had_been_said(tmp_path, number, said):
     command = [sys.executable, "-c", PROGRAM, "run", "-q", "-o", str(tmp_path / "out"), "--no-report", "--end", "9"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    toys = {**os.environ, "PYTHONPATH": str(Path(slow_kernel.__file__).parent)}
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=toys)
     assert process.stdout is not None
     assert process.stdout.readline() == "in the kernel\n"
     time.sleep(0.1)

@@ -57,8 +57,9 @@ def test_a_plugin_that_hangs_is_named_by_match(tmp_path, monkeypatch, capsys, br
     assert f"{said} took longer than 1 s" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("method", ["integrate", "encode", "known_region"])
-def test_a_map_type_that_hangs_while_ledgers_are_checked_is_named(monkeypatch, method):
+@pytest.fixture
+def audited():
+    """Checks the ledgers of three robots that have observed for two seconds, by some guard."""
     files, _ = demo()
     config, plugins = as_config({"mission": {"end_s": 2}}), load_plugins()
     with open_mission(files, config, plugins=plugins) as mission:
@@ -66,10 +67,21 @@ def test_a_map_type_that_hangs_while_ledgers_are_checked_is_named(monkeypatch, m
         for observation in mission.observations():
             robots[observation.robot].observe(observation)
         kinds = {robot.name: robot.kinds for robot in mission.robots}
-        guard = Guard(LimitsConfig(plugin_s=1))
-        with guard.armed():
-            assert all(one.sound for one in audit(mission.observations(), kinds, robots, config, plugins, guard))
-            monkeypatch.setattr(OccupancyGrid, method, hang)
-            found = audit(mission.observations(), kinds, robots, config, plugins, guard)
+        yield lambda guard: audit(mission.observations(), kinds, robots, config, plugins, guard)
+
+
+@pytest.mark.parametrize("method", ["integrate", "encode", "known_region"])
+def test_a_map_type_that_hangs_while_ledgers_are_checked_is_named(monkeypatch, audited, method):
+    guard = Guard(LimitsConfig(plugin_s=1))
+    with guard.armed():
+        assert all(one.sound for one in audited(guard))
+        monkeypatch.setattr(OccupancyGrid, method, hang)
+        found = audited(guard)
     assert [one.sound for one in found] == [False] * 3
     assert all("cannot be checked: the map type 'occupancy_grid' took longer than 1 s" in one.sentence for one in found)
+
+
+def test_a_ledger_whose_map_type_was_set_aside_in_the_run_cannot_be_checked(audited):
+    guard, said = Guard(), "the map type 'occupancy_grid' took too long and is not asked for its encode again"
+    guard.set_aside["map type", "occupancy_grid", "encode"] = said
+    assert [(one.sound, one.sentence) for one in audited(guard)] == [(False, f"cannot be checked: {said}")] * 3

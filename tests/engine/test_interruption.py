@@ -7,9 +7,8 @@ import signal
 import subprocess
 import sys
 
-import numpy as np
 import pytest
-from numba import njit
+from slow_kernel import kernel
 
 from mapgraft.config import LimitsConfig
 from mapgraft.errors import FailedPluginError
@@ -18,14 +17,6 @@ from mapgraft.interruption import interrupt
 
 LONG = 100_000_000  # a tenth of a second and more
 SHORT = LimitsConfig(plugin_s=0.02)
-
-
-@njit
-def kernel(count):
-    total = 0.0
-    for n in range(count):
-        total += n % 7
-    return np.zeros(3), np.ones(3), total
 
 
 def once() -> None:

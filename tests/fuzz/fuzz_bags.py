@@ -4,26 +4,14 @@ from __future__ import annotations
 
 from contextlib import suppress
 
-from fuzz_recordings import Run, scratch
-from fuzz_recordings import _read_through as read_through
+from fuzz_recordings import Run, of_file, read_through, scratch
 
 
 def bag() -> Run:
     """The first byte chooses what is asked of the bag in the others."""
-    from mapgraft.errors import MapgraftError
     from mapgraft.recording.containers.bag_file import BagSource
-    from mapgraft.recording.containers.limits import ReadLimits
 
-    path, narrow, wide = scratch("a.bag"), ReadLimits(chunk_bytes=2000, expansion=2.0), ReadLimits()
-
-    def run(data: bytes) -> None:
-        mode = data[0] if data else 0
-        path.write_bytes(data[1:])
-        with suppress(MapgraftError):
-            read_through(BagSource(path, limits=narrow if mode & 32 else wide), mode)
-        path.unlink()  # what is mapped stays as it is
-
-    return run
+    return of_file(BagSource, scratch("a.bag"))
 
 
 def db3() -> Run:

@@ -59,7 +59,7 @@ class Told:
 
 
 WRONG = ("summary_crc", "summary_start", "index_offset", "index_times", "index_nowhere", "count")
-WRONG += ("entries", "entries_order", "entries_few", "entries_none", "entries_long", "entries_other")
+WRONG += ("entries", "entries_order", "entries_few", "entries_none", "entries_long", "entries_other", "entries_twice")
 
 
 def text(value: str) -> bytes:
@@ -176,6 +176,8 @@ def _message_index(number: int, entries: list[tuple[int, int]], told: Told) -> b
         entries = entries[:-1]
     if "entries" in told.wrong:
         entries = [(log_ns, at + 3) for log_ns, at in entries]
+    if "entries_twice" in told.wrong:
+        entries = [*entries[:-1], entries[0]]
     if "entries_none" in told.wrong:
         entries = []
     body = b"".join(struct.pack("<QQ", log_ns, at) for log_ns, at in entries)

@@ -17,7 +17,7 @@ def scratch(name: str) -> Path:
     return Path(tempfile.mkdtemp(prefix="mapgraft-fuzz-", dir=room)) / name
 
 
-def _read_through(source, mode: int) -> None:
+def read_through(source, mode: int) -> None:
     """Everything that a mission may ask of a source; ``mode`` chooses windows and topics, and when it is closed."""
     from mapgraft.errors import RecordingError
     from mapgraft.recording.decoding.poses import POSE_READERS, poses_of
@@ -48,22 +48,28 @@ def _read_through(source, mode: int) -> None:
         list(late)  # an MCAP file that is closed meanwhile says so
 
 
-def mcap() -> Run:
-    """The first byte chooses what is asked of the file in the others."""
+def of_file(open_source, path: Path) -> Run:
+    """Writes all but the first byte to a file, and asks of it what that one chooses, within narrow limits or wide."""
     from mapgraft.errors import MapgraftError
     from mapgraft.recording.containers.limits import ReadLimits
-    from mapgraft.recording.containers.mcap_file import McapSource
 
-    path, narrow, wide = scratch("a.mcap"), ReadLimits(chunk_bytes=2000, expansion=2.0), ReadLimits()
+    narrow, wide = ReadLimits(chunk_bytes=2000, expansion=2.0), ReadLimits()
 
     def run(data: bytes) -> None:
         mode = data[0] if data else 0
         path.write_bytes(data[1:])
         with suppress(MapgraftError):
-            _read_through(McapSource(path, limits=narrow if mode & 32 else wide), mode)
+            read_through(open_source(path, limits=narrow if mode & 32 else wide), mode)
         path.unlink()  # what is mapped stays as it is
 
     return run
+
+
+def mcap() -> Run:
+    """The first byte chooses what is asked of the file in the others."""
+    from mapgraft.recording.containers.mcap_file import McapSource
+
+    return of_file(McapSource, scratch("a.mcap"))
 
 
 def carmen() -> Run:
@@ -77,7 +83,7 @@ def carmen() -> Run:
         mode = data[0] if data else 0
         path.write_bytes(data[1:])
         with suppress(MapgraftError):
-            _read_through(CarmenSource(path), mode)
+            read_through(CarmenSource(path), mode)
         for line in data[1:].splitlines() if mode & 32 else ():
             _line_by_line(line.split())
 

@@ -12,12 +12,20 @@ from fuzz_seeds import LASER, TF, mcap_file
 from nasty_case import Nasty, S, patched
 from nasty_recording import recording, sound_recording
 
+_INFO = ("info", "@/a.mcap")
+
 
 def recordings() -> Iterator[Nasty]:
+    yield from _spoilt()
+    yield from _made()
+    yield from _run()
+
+
+def _spoilt() -> Iterator[Nasty]:
+    """Bytes of sound files that were damaged."""
     whole = sound_recording()
     unfinished = mcap_file(types=(LASER, TF), finish=False)
     chunk = whole.index(b"\x06", 60)
-    info = ("info", "@/a.mcap")
     spoilt = {
         "empty": b"",
         "magic": b"\x89MCAP0\r\n",
@@ -46,12 +54,16 @@ def recordings() -> Iterator[Nasty]:
         "noise-behind-the-end": whole + random.Random(5).randbytes(100),
     }
     for name, data in spoilt.items():
-        yield Nasty(f"mcap-{name}", {"a.mcap": data}, info, hint="scan")
+        yield Nasty(f"mcap-{name}", {"a.mcap": data}, _INFO, hint="scan")
     for compression in ("zstd", "lz4"):
         packed = mcap_file(compression, types=(LASER, TF), count=6)
         at = packed.index(compression.encode()) + 40
         broken = patched(packed, at, b"\xff" * 16)
-        yield Nasty(f"mcap-{compression}-broken", {"a.mcap": broken}, info)
+        yield Nasty(f"mcap-{compression}-broken", {"a.mcap": broken}, _INFO)
+
+
+def _made() -> Iterator[Nasty]:
+    """Sound files that tell odd things."""
     made = {
         "no-messages": {"scans": 0},
         "no-poses": {"poses": False},
@@ -85,7 +97,11 @@ def recordings() -> Iterator[Nasty]:
         "schema-kind-unknown": {"kind": "runes"},
     }
     for name, spoil in made.items():
-        yield Nasty(f"mcap-{name}", {"a.mcap": recording(**spoil)}, info, hint="scan")
+        yield Nasty(f"mcap-{name}", {"a.mcap": recording(**spoil)}, _INFO, hint="scan")
+
+
+def _run() -> Iterator[Nasty]:
+    """Files that show what they are only when they are mapped, or beyond the limits."""
     run = ("run", "-q", "@/a.mcap", "-o", "@/out")
     far = {
         "one-pose-far": lambda n: 1e9 if n == 2 else 0.1 * n,
@@ -107,7 +123,7 @@ def recordings() -> Iterator[Nasty]:
         files = {"a.mcap": recording(**spoil), "c.yaml": text.encode()}
         yield Nasty(f"limits-{name}", files, (*run, "-c", "@/c.yaml"), hint="limits.")
     many = recording(topics=150, scans=2, beams=5)
-    yield Nasty("mcap-150-robots", {"a.mcap": many}, info)
+    yield Nasty("mcap-150-robots", {"a.mcap": many}, _INFO)
 
 
 _RULE = "=" * 80

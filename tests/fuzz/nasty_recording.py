@@ -65,18 +65,22 @@ def recording(
             writer.add_message(channel, log_ns, bytes(store.serialize_cdr(scan, LASER)), log_ns)
             if poses:
                 told = edge if topics == 1 else (f"r{number}/map", own)
-                vector = types["geometry_msgs/msg/Vector3"](float(x_m(n)), 0.0, 0.0)
-                turn = types["geometry_msgs/msg/Quaternion"](*(quaternion(n) if callable(quaternion) else quaternion))
-                moved = types["geometry_msgs/msg/Transform"](vector, turn)
-                stamped = [
-                    types["geometry_msgs/msg/TransformStamped"](
-                        types["std_msgs/msg/Header"](tf_time, parent), child, moved
-                    )
-                    for parent, child in (told, *((parent, child) for k, parent, child in extra if k == n))
-                ]
-                data = bytes(store.serialize_cdr(types[TF](stamped), TF))
-                writer.add_message(tf_channel, log_ns, data, log_ns)
+                edges = (told, *((parent, child) for k, parent, child in extra if k == n))
+                turn = quaternion(n) if callable(quaternion) else quaternion
+                writer.add_message(tf_channel, log_ns, _transforms(store, tf_time, edges, float(x_m(n)), turn), log_ns)
     if attachment:
         writer.add_attachment(S, S, attachment, "text/plain", b"root::0:0\n")
     writer.finish()
     return stream.getvalue()
+
+
+def _transforms(store, time, edges, x_m: float, quaternion) -> bytes:
+    """A tf message: each (parent, child) has the same place."""
+    types = store.types
+    vector = types["geometry_msgs/msg/Vector3"](x_m, 0.0, 0.0)
+    moved = types["geometry_msgs/msg/Transform"](vector, types["geometry_msgs/msg/Quaternion"](*quaternion))
+    stamped = [
+        types["geometry_msgs/msg/TransformStamped"](types["std_msgs/msg/Header"](time, parent), child, moved)
+        for parent, child in edges
+    ]
+    return bytes(store.serialize_cdr(types[TF](stamped), TF))

@@ -77,7 +77,19 @@ _MAP = "image: m.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_t
 
 
 def maps() -> Iterator[Nasty]:
-    info = ("info", "@/m.yaml")
+    yield from _descriptions()
+    yield from _images()
+    cells = {"m.yaml": _MAP.encode(), "m.pgm": _PGM, "c.yaml": b"limits: {grid_cells: 10}\n"}
+    yield Nasty("limits-grid-cells", cells, ("info", "@/m.yaml", "-c", "@/c.yaml"))
+    for name, command in {
+        "match-nothing": ("match", "@/m.yaml"),
+        "match-broken": ("match", "@/m.yaml", "@/n.yaml"),
+        "match-same-twice": ("match", "@/m.yaml", "@/m.yaml", "@/m.yaml"),
+    }.items():
+        yield Nasty(name, {"m.yaml": _MAP.encode(), "m.pgm": _PGM, "n.yaml": b"{"}, command)
+
+
+def _descriptions() -> Iterator[Nasty]:
     texts = {
         "nothing": "",
         "list": "- a\n",
@@ -110,7 +122,10 @@ def maps() -> Iterator[Nasty]:
         "broken": "image: [\n",
     }
     for name, text in texts.items():
-        yield Nasty(f"map-{name}", {"m.yaml": text.encode(), "m.pgm": _PGM}, info, hint="m")
+        yield Nasty(f"map-{name}", {"m.yaml": text.encode(), "m.pgm": _PGM}, ("info", "@/m.yaml"), hint="m")
+
+
+def _images() -> Iterator[Nasty]:
     images = {
         "empty": b"",
         "header": b"P5\n",
@@ -128,16 +143,8 @@ def maps() -> Iterator[Nasty]:
         "noise": random.Random(10).randbytes(300),
     }
     for name, data in images.items():
-        yield Nasty(f"image-{name}", {"m.yaml": _MAP.encode(), "m.pgm": data}, info)
+        yield Nasty(f"image-{name}", {"m.yaml": _MAP.encode(), "m.pgm": data}, ("info", "@/m.yaml"))
     yield Nasty("image-without-scale", {"m.png": _png(4, 4, bytes(20))}, ("info", "@/m.png"))
-    cells = {"m.yaml": _MAP.encode(), "m.pgm": _PGM, "c.yaml": b"limits: {grid_cells: 10}\n"}
-    yield Nasty("limits-grid-cells", cells, ("info", "@/m.yaml", "-c", "@/c.yaml"))
-    for name, command in {
-        "match-nothing": ("match", "@/m.yaml"),
-        "match-broken": ("match", "@/m.yaml", "@/n.yaml"),
-        "match-same-twice": ("match", "@/m.yaml", "@/m.yaml", "@/m.yaml"),
-    }.items():
-        yield Nasty(name, {"m.yaml": _MAP.encode(), "m.pgm": _PGM, "n.yaml": b"{"}, command)
 
 
 # -- clouds, segments and plans in files ------------------------------------------------------------------------------

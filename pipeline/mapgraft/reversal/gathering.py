@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import reduce
 from typing import Final
 
 from mapgraft.contracts import Region
 
 MOST_APART: Final = 64  # regions that wait: uniting many at once costs little more than uniting two
+
+
+def united(regions: Sequence[Region]) -> Region:
+    """The union of at least one region."""
+    return reduce(lambda a, b: a.union(b), regions)
 
 
 class Gathering:
@@ -27,7 +33,7 @@ class Gathering:
     def united(self) -> Region:
         """The union of all that was added."""
         if len(self._apart) > 1:
-            self._apart = [reduce(lambda a, b: a.union(b), self._apart)]
+            self._apart = [united(self._apart)]
         return self._apart[0] if self._apart else self._nothing
 
     def clear(self) -> None:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from functools import reduce
 
 from mapgraft.contracts import Contribution, Layer, Map, MapType, Region
-from mapgraft.reversal.gathering import MOST_APART
+from mapgraft.reversal.gathering import MOST_APART, united
 from mapgraft.sound_maps import sound_map
 
 
@@ -29,7 +28,7 @@ class LazyView:
         """Note that the region has changed."""
         self.mark(region)
         if len(self._touched) > MOST_APART:
-            self._touched = [_united(self._touched)]
+            self._touched = [united(self._touched)]
 
     def mark(self, region: Region) -> None:
         """The same, and nothing of the map type is asked for it: it cannot fail."""
@@ -42,7 +41,7 @@ class LazyView:
         if self._map is None:
             made = self._map_type.view(layer, contributions)
         else:
-            made = self._map_type.view(layer, contributions, self._map, _united(touched) if touched else None)
+            made = self._map_type.view(layer, contributions, self._map, united(touched) if touched else None)
         self._map, self._touched = sound_map(made, self._map_type.name), []
 
     def get(self, layer: Layer, contributions: Sequence[Contribution] = ()) -> Map:
@@ -50,10 +49,6 @@ class LazyView:
         if self._map is None:
             self._map = self._map_type.view(layer, contributions)
         elif self._touched:
-            self._map = self._map_type.view(layer, contributions, self._map, _united(self._touched))
+            self._map = self._map_type.view(layer, contributions, self._map, united(self._touched))
         self._touched = []
         return self._map
-
-
-def _united(regions: Sequence[Region]) -> Region:
-    return reduce(lambda a, b: a.union(b), regions)

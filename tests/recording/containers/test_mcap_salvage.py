@@ -5,10 +5,13 @@ from __future__ import annotations
 import random
 import struct
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from fuzz_mcap import WRONG, Chunk, S, Told, assembled
+from fuzz_mcap_seeds import HEAD, scans_at
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -240,6 +243,29 @@ def test_messages_that_an_index_leaves_out_are_found(
         assert len(list(source.messages(["/b"]))) == 9
         assert len(list(source.messages())) == 18
         assert [(f.cause, f.topic, f.count) for f in source.faults] == [("index_partial", "", 1)]
+
+
+@pytest.mark.parametrize("wrong", [name for name in WRONG if name.startswith("entries")])
+@pytest.mark.parametrize("told", [Told(), Told(statistics=False), Told(summary=False), Told(chunk_indexes=False)])
+def test_no_scan_is_lost_by_what_its_index_says(tmp_path: Path, told: Told, wrong: str) -> None:
+    """Nobody counted the messages, where there are no statistics: then the chunks are held against their indexes."""
+    path = tmp_path / "left_out.mcap"
+    chunks = [Chunk(scans_at(range(5 * n + 1, 5 * n + 6))) for n in range(4)]
+    path.write_bytes(assembled([*HEAD, *chunks], replace(told, wrong=frozenset({wrong}))))
+    with McapSource(path) as source:
+        assert [scan.log_ns for scan in source.scans()] == [n * S for n in range(1, 21)]
+        assert [message.log_ns for message in source.messages()] == [n * S for n in range(1, 21)]
+        assert not source.faults.count("count_differs")
+
+
+def test_messages_that_an_index_leaves_out_are_counted(tmp_path: Path) -> None:
+    path = tmp_path / "left_out.mcap"
+    chunks = [Chunk(scans_at(range(5 * n + 1, 5 * n + 6))) for n in range(4)]
+    path.write_bytes(assembled([*HEAD, *chunks], Told(statistics=False, wrong=frozenset({"entries_few"}))))
+    with McapSource(path) as source:
+        assert len(list(source.scans())) == 20
+        (fault,) = source.faults
+        assert (fault.cause, fault.count) == ("index_partial", 4)
 
 
 def test_channels_described_only_in_a_damaged_chunk_are_taken_from_it(

@@ -42,6 +42,14 @@ def given_by(source: Source) -> list[Row]:
     return [(m.channel.topic, m.log_ns, bytes(m.data)) for m in source.messages()]
 
 
+def changed(bag: Bag, path: Path, command: str) -> None:
+    """The database with one command carried out in it."""
+    path.write_bytes(bag.whole)
+    with sqlite3.connect(path) as database:
+        database.execute(command)
+    database.close()
+
+
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Bag:
     """A database of 400 messages of 20 to 20 000 bytes on two topics, written in transactions as a recorder does."""
@@ -161,10 +169,7 @@ def test_loops_and_lies_end(bag: Bag, tmp_path: Path) -> None:
 
 def test_no_message_is_made_larger_than_the_limits(bag: Bag, tmp_path: Path) -> None:
     path = tmp_path / "large.db3"
-    path.write_bytes(bag.whole)
-    with sqlite3.connect(path) as database:
-        database.execute("INSERT INTO messages VALUES (1000, 1, 55, zeroblob(2000000))")
-    database.close()
+    changed(bag, path, "INSERT INTO messages VALUES (1000, 1, 55, zeroblob(2000000))")
     with SqliteSource(path, limits=ReadLimits(chunk_bytes=1 << 20)) as source:
         assert given_by(source) == bag.rows
         assert source.faults.count("messages_lost") == 1
@@ -175,10 +180,7 @@ def test_no_message_is_made_larger_than_the_limits(bag: Bag, tmp_path: Path) -> 
 def test_what_a_schema_computes_is_not_read(bag: Bag, tmp_path: Path) -> None:
     """A few bytes of schema may stand for gigabytes in each row."""
     path = tmp_path / "computed.db3"
-    path.write_bytes(bag.whole)
-    with sqlite3.connect(path) as database:
-        database.execute("ALTER TABLE messages ADD COLUMN more BLOB GENERATED ALWAYS AS (zeroblob(900000000)) VIRTUAL")
-    database.close()
+    changed(bag, path, "ALTER TABLE messages ADD COLUMN more BLOB GENERATED ALWAYS AS (zeroblob(900000000)) VIRTUAL")
     with pytest.raises(RecordingError, match=r"computes messages\.more"):
         SqliteSource(path)
 
@@ -210,10 +212,7 @@ def test_topics_without_a_type_are_no_topics(bag: Bag, tmp_path: Path) -> None:
 )
 def test_a_schema_that_runs_something_is_not_read(bag: Bag, tmp_path: Path, command: str) -> None:
     path = tmp_path / "running.db3"
-    path.write_bytes(bag.whole)
-    with sqlite3.connect(path) as database:
-        database.execute(command)
-    database.close()
+    changed(bag, path, command)
     with pytest.raises(RecordingError, match=r"computes 'more' where recorders write"):
         SqliteSource(path)
 

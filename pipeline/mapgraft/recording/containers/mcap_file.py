@@ -48,7 +48,8 @@ from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, Codec, RosCode
 from mapgraft.recording.decoding.names import message_type
 
 _COUNT_DIFFERS = "count_differs"
-_OF_INDEXES = (_COUNT_DIFFERS, "index_partial")  # nothing is lost by these alone
+_INDEX_PARTIAL = "index_partial"
+_OF_INDEXES = (_COUNT_DIFFERS, _INDEX_PARTIAL)  # nothing is lost by these alone
 
 
 class McapSource:
@@ -77,7 +78,7 @@ class McapSource:
         index = self._index()
         self.start_ns, self.end_ns = index.start_ns, index.end_ns
         self._places = index.places
-        self._stated = index.stated
+        self._stated, self._vouched = index.stated, index.vouched
         self._renamings = index.renamings
         self._codecs: dict[int, Codec] = {}
         self._schemas: dict[int, SchemaText] = {}
@@ -144,7 +145,7 @@ class McapSource:
             return found
 
         late = partial(note_late, self.faults)
-        passed = in_log_order(places_of(self._places, want), self._fetch, counted, late)
+        passed = in_log_order(places_of(self._places, want, self._vouched), self._fetch, counted, late)
         return chain(passed, self._compared(want, given))
 
     def _compared(self, want: Wanted, given: Mapping[int, int]) -> Iterator[T]:
@@ -189,9 +190,9 @@ class McapSource:
     def _parse_scans(self, want: Wanted, place: Place, content: Content) -> list[RecordedScan]:
         """The scans of a chunk: of each channel at once where its message index tells, else one by one."""
         found: list[RecordedScan] = []
-        left = {}
+        left, complete = {}, self._tells_all(place, content)
         for channel in want.channels.values():
-            scans = self._scans_by_index(place, content, channel, want)
+            scans = self._scans_by_index(place, content, channel, want) if complete else None
             if scans is None:
                 left[channel.id] = channel
             else:
@@ -204,6 +205,17 @@ class McapSource:
         if len(want.channels) > 1:
             found.sort(key=attrgetter("log_ns"))
         return found
+
+    def _tells_all(self, place: Place, content: Content) -> bool:
+        """Whether the message indexes of a chunk tell of all its messages; where nothing vouches for it, look."""
+        if self._vouched or content.damage or place.channels is None:
+            return True
+        held, told = spans(content.data, lambda _: None).counts, indexed_counts(self._view, place.channels)
+        left_out = sum(max(0, count - told.get(channel, 0)) for channel, count in held.items())
+        if left_out and any(place.channels.values()):
+            sentence = "the message indexes leave messages of their chunks out: these chunks are searched for them"
+            self.faults.add(_INDEX_PARTIAL, sentence, place=place.offset, count=left_out)
+        return not left_out
 
     def _scans_by_index(
         self, place: Place, content: Content, channel: Channel, want: Wanted

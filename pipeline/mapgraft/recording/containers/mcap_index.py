@@ -35,6 +35,7 @@ class McapIndex:
     """Schemas, channels and places of a file.
 
     ``counts`` is None where nobody counted the messages per channel; ``stated`` is what the writer counted.
+    ``vouched`` holds where the writer's counts say that the message indexes of all chunks leave nothing out.
     ``unpacked_bytes`` is how much all chunks together say they hold; ``damaged`` holds the chunks that were found
     broken, each with what can be read of it; ``renamings`` those by their offset in which ids stand for others than the
     first of that id.
@@ -45,6 +46,7 @@ class McapIndex:
     places: list[Place] = field(default_factory=list)
     counts: dict[int, int] | None = field(default_factory=dict)
     stated: Mapping[int, int] | None = None
+    vouched: bool = False
     unpacked_bytes: int = 0
     damaged: list[tuple[Place, Content]] = field(default_factory=list)
     redefined: set[int] = field(default_factory=set)
@@ -268,6 +270,8 @@ def _adopt(index: McapIndex, faults: ReadFaults) -> None:
 def _distrust_indexes(index: McapIndex, told: Sequence[ChunkIndex], faults: ReadFaults) -> None:
     """Open all chunks, whatever their message indexes say, when these have room for fewer messages than were counted.
 
+    Where they have room for all of them, they are vouched for.
+
     How many messages an index tells of follows from its length: nothing has to be read for it.
     """
     if index.stated is None or not all(value.message_index_length for value in told):
@@ -277,6 +281,7 @@ def _distrust_indexes(index: McapIndex, told: Sequence[ChunkIndex], faults: Read
     known = {channel for value in told for channel in value.message_index_offsets}
     unknown = any(count for channel, count in index.stated.items() if channel not in known)
     if told_of >= counted and not unknown and not any(size % _INDEX_ENTRY for size in sizes):
+        index.vouched = True
         return
     index.places[: len(told)] = [place._replace(channels=None) for place in index.places[: len(told)]]
     sentence = f"the message indexes leave out some of the {counted:,} messages: all chunks are searched for them"

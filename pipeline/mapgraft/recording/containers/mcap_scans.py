@@ -105,6 +105,8 @@ def chunk_scans(data: bytes | memoryview, entries: Entries, channel: Channel) ->
     if layout is None or int(entries[:, 1].max()) + RECORD_HEAD + length > len(data):
         return None
     offsets = entries[:, 1].astype(np.int64)
+    if not _stride(offsets) and len(np.unique(offsets)) < len(offsets):
+        return None
     heads = _heads(data, offsets, layout)
     if not _alike(heads, entries, layout, length, channel):
         return None

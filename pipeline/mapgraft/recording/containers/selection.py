@@ -48,8 +48,8 @@ def wanted(
     )
 
 
-def places_of(places: Sequence[Place], want: Wanted) -> list[Place]:
-    """The chunks that may hold wanted messages."""
+def places_of(places: Sequence[Place], want: Wanted, vouched: bool = True) -> list[Place]:
+    """The chunks that may hold wanted messages; all in the window, unless what they say of channels is vouched for."""
     if not want.channels:
         return []
     return [
@@ -57,5 +57,5 @@ def places_of(places: Sequence[Place], want: Wanted) -> list[Place]:
         for place in places
         if place.end_ns >= want.start_ns
         and place.start_ns <= want.end_ns
-        and (place.channels is None or not want.channels.keys().isdisjoint(place.channels))
+        and (not vouched or place.channels is None or not want.channels.keys().isdisjoint(place.channels))
     ]

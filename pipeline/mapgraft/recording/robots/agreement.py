@@ -18,7 +18,7 @@ from mapgraft.recording.robots.plan import RobotPlan
 
 S: Final = 1_000_000_000
 
-ANOTHER_CLOCK_NS: Final = S // 2
+ANOTHER_CLOCK_NS: Final = 2 * S
 """Stamps of two robots that lie further apart, against one recorder, are of two clocks; less may be the network."""
 
 _EVENTS: Final = 20_000  # of one file that are looked at
