@@ -15,6 +15,7 @@ from mapgraft.events import Sink
 from mapgraft.graph.consistency import Settings
 from mapgraft.graph.loops import Tolerance
 from mapgraft.history import History, Journal
+from mapgraft.lives import base_name
 from mapgraft.network.radio import NS_PER_S, Conditions, Partition
 from mapgraft.persons import Hand, given_priors, recorded_priors
 from mapgraft.plugins import Plugins
@@ -46,14 +47,18 @@ def assemble(mission: Mission, config: Config, plugins: Plugins, table: Decision
     robots: dict[str, Robot] = {}
     for source in mission.robots:
         map_type = map_type_of(source.name, source.kinds, config, workshop)
-        robot_config = config.robots.get(source.name)
+        robot_config = config.robots.get(base_name(source.name))
         reversal_name = (robot_config.reversal if robot_config else None) or config.reversal
         reversal = new_reversal(reversal_name, map_type)
         journal = Journal(history, source.name, map_type, reversal, config.output.snapshots)
         made = (source.name, map_type, reversal, table, workshop, hand, journal)
         recollection = Recollection() if source.corrections else None
         robots[source.name] = Robot(
-            *made, through=config.exchange.through, consistency=consistency, recollection=recollection
+            *made,
+            through=config.exchange.through,
+            consistency=consistency,
+            recollection=recollection,
+            epoch=source.life,
         )
     try:
         policy = workshop.policy(config.exchange.use, config.exchange.parameters)
@@ -62,7 +67,9 @@ def assemble(mission: Mission, config: Config, plugins: Plugins, table: Decision
     except (ConfigError, PluginError) as error:
         raise ConfigError(f"exchange: {error}") from None
     network, name = network_of(config.radio, robots), config.exchange.use
-    exchange = Exchange(policy, robots, mission.T_world_map, network, guard=guard, history=history, policy_name=name)
+    follows = {source.name: source.follows for source in mission.robots if source.follows}
+    made_of = (policy, robots, mission.T_world_map, network)
+    exchange = Exchange(*made_of, guard=guard, history=history, policy_name=name, follows=follows)
     return Assembly(robots, exchange, history, hand)
 
 
@@ -74,7 +81,8 @@ def network_of(config: RadioConfig, robots: Iterable[str]) -> Network:
         if unknown := sorted({name for group in cut.groups for name in group} - names):
             raise ConfigError(f"radio.partitions: there is no robot {', '.join(unknown)}: {', '.join(sorted(names))}")
         end_ns = None if cut.end_s is None else round(cut.end_s * NS_PER_S)
-        partitions.append(Partition(round(cut.start_s * NS_PER_S), end_ns, tuple(map(frozenset, cut.groups))))
+        groups = tuple(frozenset(n for n in names if n in group or base_name(n) in group) for group in cut.groups)
+        partitions.append(Partition(round(cut.start_s * NS_PER_S), end_ns, groups))
     times_ns = [round(s * NS_PER_S) for s in (config.latency_s, config.jitter_s, config.held_up_s)]
     conditions = Conditions(
         latency_ns=times_ns[0],
@@ -102,6 +110,7 @@ def settings_of(config: ConsistencyConfig) -> Settings:
 
 def map_type_of(name: str, kinds: Iterable[str], config: Config, workshop: Workshop) -> MapType:
     """The map type of one robot: as configured, else the installed one that prefers what the robot observes."""
+    name = base_name(name)
     robot = config.robots.get(name)
     own, default = robot.map if robot else MapConfig(), config.map
     chosen = own.type or default.type or preferred_type(kinds, workshop.plugins)

@@ -163,7 +163,8 @@ class RobotConfig(Section):
     ``files`` are paths, names or patterns of the files that hold it. ``options`` are for the format that reads a
     ready-made map file: ``{unknown_gray: 205}``. ``clock`` is as in the mission. ``clock_offset_s`` is added to its
     stamps; where it is left out, robots that one recorder heard, or that share ``mission.common_event``, are brought
-    together by it.
+    together by it. ``restarts`` says when its map frame began anew: seconds since the recording's first stamp, a topic
+    each of whose messages says so, or ``files``: with every one of them. It is another robot then, ``<name>~2``.
     """
 
     source: str | None = None
@@ -173,6 +174,7 @@ class RobotConfig(Section):
     maps: list[str] | None = None
     poses: PosesConfig = PosesConfig()
     window: WindowConfig | None = None
+    restarts: list[Seconds] | str | None = None
     clock: ClockName | None = None
     clock_offset_s: Seconds | None = None
     map: MapConfig = MapConfig()

@@ -47,7 +47,8 @@ class RobotSource:
     poses come from and ``drift`` how such poses err. ``start_ns`` and ``end_ns`` are its first and last recorded
     stamps, ``shift_ns`` is added to them on the timeline. ``count`` is the number of recorded payloads (in a
     window, its share of them by time), None where only reading could tell. ``corrections`` is the topic on which it
-    tells anew where it was, empty where it has none.
+    tells anew where it was, empty where it has none. ``life`` counts the lives of its map frame; ``follows`` names the
+    life before, empty for the first.
     """
 
     name: str
@@ -66,6 +67,8 @@ class RobotSource:
     count: int | None
     remarks: tuple[str, ...]
     corrections: str = ""
+    life: int = 1
+    follows: str = ""
 
 
 STRING: Final = "std_msgs/msg/String"
@@ -92,7 +95,7 @@ class Mission:
         self._faults = ReadFaults()
         names = [*(file.name for file in roster.map_files), *(plan.name for plan in roster.plans)]
         self._order = {name: k for k, name in enumerate(names)}  # both are sorted
-        self._shifts = shifts({plan.name: plan.range for plan in self._plans}, self._config.start)
+        self._shifts = shifts(self._plans, self._config.start)
         self._anchors = {plan.name: self._anchor(plan) for plan in self._plans if plan.anchored}
         self.T_world_map: Mapping[str, Transform] = {
             name: to_transform(pose) for name, pose in known_world(self._plans, self._anchors).items()
@@ -329,6 +332,8 @@ def _described(plan: RobotPlan, shift_ns: int) -> RobotSource:
         count=None if None in counts else sum(count or 0 for count in counts),
         remarks=plan.remarks,
         corrections="" if plan.corrections is None else plan.corrections.topic,
+        life=plan.life,
+        follows=plan.follows,
     )
 
 

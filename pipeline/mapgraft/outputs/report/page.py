@@ -15,7 +15,7 @@ from mapgraft.outputs.report.gallery import Gallery, paint
 from mapgraft.outputs.report.merges import anchors_of, by_merge, card_of, most_telling, row_of
 from mapgraft.outputs.report.paintings import DIFFERENCE, FUSED, OVERLAY, colour
 from mapgraft.outputs.report.pairs import not_merged
-from mapgraft.outputs.report.robots import corrections, robot_cards
+from mapgraft.outputs.report.robots import corrections, renamings, robot_cards
 from mapgraft.outputs.report.scenes import Scenes
 from mapgraft.outputs.report.settings import changed, versions
 from mapgraft.outputs.report.timeline import timeline
@@ -50,7 +50,7 @@ def page_of(path: Path) -> str:
         tiles=_tiles(run, merges, clock),
         shared=_shared(run),
         robots=robot_cards(run, gallery, _donors(merges), _attached(decisions)),
-        remarks=[*run.summary.get("remarks", ()), *corrections(decisions, clock)],
+        remarks=[*run.summary.get("remarks", ()), *corrections(decisions, clock), *renamings(decisions, clock)],
         recordings=[_recording(row) for row in run.recordings()],
         timeline=timeline(decisions, clock, {name: f"#{anchors[name]}" for name in told}),
         cards=[card_of(events[name], anchors[name], gallery, clock) for name in told],

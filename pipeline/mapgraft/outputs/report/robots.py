@@ -61,6 +61,15 @@ def corrections(decisions: Sequence[Event], clock: Clock) -> list[str]:
     ]
 
 
+def renamings(decisions: Sequence[Event], clock: Clock) -> list[str]:
+    """Sentences on the robots that are other sources from some time on."""
+    return [
+        f"{event.receiver} at {clock.at(event.stamp_ns)}: {event.reason}."
+        for event in decisions
+        if event.kind == "renamed"
+    ]
+
+
 def _times(events: Sequence[Event]) -> str:
     return "" if len(events) == 1 else f", {len(events):,} times, the last time"
 

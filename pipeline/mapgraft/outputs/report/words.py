@@ -27,6 +27,7 @@ TONES: Final[dict[str, str]] = {
     "disputed": "doubt",
     "disbelieved": "doubt",
     "corrected": "none",
+    "renamed": "none",
     "failed": "doubt",
     "provisional": "wait",
 }
@@ -169,5 +170,6 @@ def happened(kind: Kind) -> str:
         "disputed": "In dispute",
         "disbelieved": "No longer believed",
         "corrected": "Corrected",
+        "renamed": "Renamed",
         "failed": "Failed",
     }[kind]

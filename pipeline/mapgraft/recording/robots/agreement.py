@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 from mapgraft.config import Config
 from mapgraft.contracts import ConfigError
 from mapgraft.contracts.sources import Source
+from mapgraft.lives import base_name
 from mapgraft.recording.robots.clocks import Range, offset_of
 from mapgraft.recording.robots.plan import RobotPlan
 
@@ -75,7 +76,7 @@ def _too_few(plan: RobotPlan, recorder: _Recorder, topic: str | None) -> str:
 
 def _is_free(plan: RobotPlan, config: Config) -> bool:
     """Whether a robot's clock may be moved: it has one, and nobody said how far it is off."""
-    configured = config.robots.get(plan.name)
+    configured = config.robots.get(base_name(plan.name))
     told = configured is not None and configured.clock_offset_s is not None
     return plan.times.clock == "header" and not plan.ready_maps and not told
 

@@ -44,7 +44,8 @@ class RobotPlan:
     """Everything needed to read one robot.
 
     ``range`` is from its first to its last payload by its own clock. With ``anchored`` its map frame begins at its
-    first pose. ``poses.method`` is ``none`` for a robot of ready maps that nothing places.
+    first pose. ``poses.method`` is ``none`` for a robot of ready maps that nothing places. ``life`` counts the lives of
+    its map frame, and ``follows`` names the one before; ``has_lives`` says that there are several.
     """
 
     name: str
@@ -62,6 +63,9 @@ class RobotPlan:
     source: str
     remarks: tuple[str, ...] = field(default=())
     corrections: CorrectionTopic | None = None
+    life: int = 1
+    follows: str = ""
+    has_lives: bool = False
 
     @property
     def ready_maps(self) -> bool:
@@ -215,6 +219,13 @@ def _window(config: WindowConfig, glimpses: Sequence[Glimpse], payloads: Sequenc
         start_ns = 0
     end_ns = None if config.end_s is None else start_ns + round(config.end_s * S)
     return Window(start_ns + round(config.start_s * S), end_ns)
+
+
+def range_within(plan: RobotPlan, window: Window, payloads: Payloads) -> Range | None:
+    """From the first to the last payload of a robot in a part of its recording; None where there is none."""
+    found = _range(plan.glimpses, plan.payloads, plan.times, window, payloads)
+    offset_ns = plan.clock_offset_ns
+    return None if found is None else Range(found.first_ns + offset_ns, found.last_ns + offset_ns)
 
 
 def _range(

@@ -16,6 +16,7 @@ from mapgraft.recording.robots.agreement import brought_together
 from mapgraft.recording.robots.discovery import FoundRobot, discover
 from mapgraft.recording.robots.glimpse import Glimpse
 from mapgraft.recording.robots.library import Library
+from mapgraft.recording.robots.lives import lives_of
 from mapgraft.recording.robots.plan import RobotPlan, Unmappable, plan_robot
 
 _SHOWN = 12
@@ -155,10 +156,15 @@ class _Call:
         found = self._sources(name, robot)
         self._take([one.name for one in found], name)
         pose_file = None if robot.poses.file is None else self._library.look(robot.poses.file)
-        plan = plan_robot(name, found, robot, pose_file, self._library.payloads, self._config.mission.clock)
-        if isinstance(plan, Unmappable):
-            raise RecordingError(f"robot {name} cannot be mapped: {plan.reason}")
-        self.plans.append(plan)
+        payloads, clock = self._library.payloads, self._config.mission.clock
+
+        def plan(found: Sequence[FoundRobot]) -> RobotPlan | Unmappable:
+            return plan_robot(name, found, robot, pose_file, payloads, clock)
+
+        lives = lives_of(name, found, robot, plan, payloads)
+        if isinstance(lives, Unmappable):
+            raise RecordingError(f"robot {name} cannot be mapped: {lives.reason}")
+        self.plans += lives
 
     def check_number(self) -> None:
         """Raise RecordingError when there are more robots than the limits allow: looking at each costs time, too."""

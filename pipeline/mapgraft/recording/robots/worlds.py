@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from mapgraft.lives import base_name
 from mapgraft.recording.poses.rigid import IDENTITY, Pose7, compose, inverse
 from mapgraft.recording.robots.plan import RobotPlan
 from mapgraft.recording.robots.trees import tf_namespace
@@ -13,11 +14,12 @@ def known_world(plans: Sequence[RobotPlan], T_anchor_map: Mapping[str, Pose7]) -
     """``T_world_map`` of the largest group of two or more robots whose map frames hang on one frame of one recording.
 
     The world is that frame. ``T_anchor_map`` are the virtual robots' own map frames, seen from the recording's. Robots
-    whose map frame moves in the world, or of which nothing is known, are absent.
+    whose map frame moves in the world or begins anew, or of which nothing is known, are absent.
     """
     worlds: dict[object, dict[str, Pose7]] = {}
+    begun_anew = {base_name(plan.name) for plan in plans if plan.life > 1}
     for plan in plans:
-        if plan.ready_maps:
+        if plan.ready_maps or base_name(plan.name) in begun_anew:
             continue
         files = tuple(g.source.path for g in plan.glimpses)
         file = plan.pose_file.source.path if plan.pose_file is not None else None

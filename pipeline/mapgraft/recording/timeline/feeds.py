@@ -15,6 +15,7 @@ from mapgraft.recording.poses.rigid import Pose7, angle_of, believable, compose,
 from mapgraft.recording.poses.tf import TransformBuffer
 from mapgraft.recording.robots.clocks import EdgeName
 from mapgraft.recording.robots.payloads import Read, poses_in
+from mapgraft.recording.robots.plan import Window
 from mapgraft.recording.robots.stamps import BEYOND_NS, Odd, StampWatch
 from mapgraft.recording.robots.trees import TfTopic
 
@@ -32,7 +33,7 @@ class Reading:
     ``replaced`` children are told by someone else; ``chosen`` edges alone count for their child. Edges in
     ``by_log``, or all with ``all_by_log``, are placed at their time of recording plus ``offset_ns``; the stamps of the
     others are looked at before they are believed if ``judged``. The messages on ``topic`` (empty: none) tell the edge
-    ``pose_edge``.
+    ``pose_edge``. What was recorded out of ``within`` is of another life of the map frame, but for what is fixed.
     """
 
     tf: tuple[TfTopic, ...]
@@ -45,6 +46,7 @@ class Reading:
     topic_by_log: bool = False
     judged: bool = True
     chosen: frozenset[EdgeName] = frozenset()
+    within: Window | None = None
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -98,12 +100,14 @@ class Feed:
     def take(self, raw: Read) -> None:
         """Pour the poses of one message in."""
         reading, topic = self._reading, raw.channel.topic
+        tf = self._tf.get(topic)
+        if reading.within is not None and not (tf is not None and tf.fixed) and not reading.within.holds(raw.log_ns):
+            return
         try:
             records = poses_in(self._source, raw)
         except RecordingError as error:
             self._faults.add("pose_undecodable", str(error), topic=topic)
             return
-        tf = self._tf.get(topic)
         for record in records:
             pose = believable(record.xyz_m, record.xyzw)
             if pose is None:

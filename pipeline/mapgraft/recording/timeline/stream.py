@@ -207,6 +207,7 @@ def _own_reading(plan: RobotPlan) -> Reading:
         seen is not None and seen.topic in times.by_log,
         times.wanted != "header",
         poses.tree.chosen,
+        plan.window if plan.has_lives and times.clock != "index" else None,
     )
 
 
