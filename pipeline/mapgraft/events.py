@@ -25,6 +25,7 @@ Kind = Literal[
     "disputed",  # a merge contradicts others and nobody can tell which is wrong: nothing is attached through it
     "disbelieved",  # own observations contradict what was attached: this robot no longer believes another's merge
     "corrected",  # the robot learnt where it had really been, and mapped anew what it had observed
+    "renamed",  # the robot is another source from now on: its map frame began anew, or another robot has its name
     "failed",  # a plugin raised, took too long or gave nonsense; the run goes on with the next rule or robot
 ]
 

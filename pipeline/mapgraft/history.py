@@ -12,7 +12,7 @@ from mapgraft.correction import Corrected
 from mapgraft.decision import Ruling
 from mapgraft.errors import FailedPluginError, SetAsideError
 from mapgraft.events import DonorMap, Event, Kind, Sink, Snapshot
-from mapgraft.graph.claims import Claim
+from mapgraft.graph.claims import Claim, Source
 from mapgraft.merge import Merge
 from mapgraft.procedures import Tools
 from mapgraft.reversal import Reversal
@@ -113,13 +113,20 @@ class Journal:
         )
 
     def told_of(
-        self, kind: Kind, stamp_ns: int, claim: Claim, reason: str, by: str, evidence: Mapping[str, float]
+        self,
+        kind: Kind,
+        stamp_ns: int,
+        claim: Claim,
+        reason: str,
+        by: str,
+        evidence: Mapping[str, float],
+        merge_id: str = "",
     ) -> None:
-        """What this robot thinks of one claim; where the merge lies is said of its own ones only."""
+        """What this robot thinks of one claim; of its own ones, with their ``merge_id``, also where the merge lies."""
         of_merge: dict[str, Any] = {}
-        if claim.receiver.name == self.robot:
+        if merge_id:
             of_merge = {
-                "merge_id": claim.merge_id,
+                "merge_id": merge_id,
                 "state": claim.state,
                 "donor_epoch": claim.donor.epoch,
                 "T_receiver_donor": claim.T_receiver_donor,
@@ -138,6 +145,10 @@ class Journal:
     def uncorrected(self, stamp_ns: int, reason: str) -> None:
         """A correction that cannot be followed."""
         self._record("failed", stamp_ns, "", reason=f"a correction is left aside: {reason}", by="correction")
+
+    def renamed(self, stamp_ns: int, me: Source, reason: str) -> None:
+        """The robot is another source to others from now on."""
+        self._record("renamed", stamp_ns, "", reason=f"{reason}: from now on it is {me.name}", by="network")
 
     def left_aside(self, stamp_ns: int, donor: str, reason: str, by: str) -> None:
         """Something that could be attached is not."""

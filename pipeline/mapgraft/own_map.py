@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 from mapgraft.contracts import Donation, Layer, MapMetadata, MapType, Observation, Provenance, Region
 from mapgraft.errors import MapError, PluginError
 from mapgraft.events import DonorMap
 from mapgraft.exchange import Form, Offer, SentLayer, cut, preview_of, uncut
+from mapgraft.graph.claims import Source
 from mapgraft.guard import Call
 from mapgraft.history import Journal, Moment
 from mapgraft.merge import Merge
@@ -17,14 +17,15 @@ from mapgraft.procedures import Workshop
 from mapgraft.reversal import Reversal
 from mapgraft.reversal.gathering import Gathering
 
-EPOCH: Final = 1  # a robot's map frame lives from its first to its last observation
-
 
 @dataclass(slots=True)
 class OwnMap:
-    """The map of one robot as its reversal keeps it. What it costs to tell is paid once per version."""
+    """The map of one robot as its reversal keeps it. What it costs to tell is paid once per version.
 
-    robot: str
+    ``me`` is the source that the robot is to others.
+    """
+
+    me: Source
     map_type: MapType
     reversal: Reversal
     workshop: Workshop
@@ -101,7 +102,7 @@ class OwnMap:
 
     @property
     def provenance(self) -> Provenance:
-        return Provenance(self.robot, EPOCH, self.reversal.offered_version)
+        return Provenance(*self.me, self.reversal.offered_version)
 
     def receive(self, sent: SentLayer) -> Donation:
         """A layer that another robot has sent, in its own type; raises MapError when it cannot be read."""

@@ -33,7 +33,11 @@ class Network:
 
 @dataclass(slots=True)
 class Exchange:
-    """The meetings of one mission: asks the policy when they are due, and lets the robots meet on the radio."""
+    """The meetings of one mission: asks the policy when they are due, and lets the robots meet on the radio.
+
+    ``follows`` names, by robots that are a later life of another, the life before: they take no part before they begin,
+    and from then on the other one takes none any more.
+    """
 
     policy: Policy
     robots: Mapping[str, Robot]
@@ -43,10 +47,12 @@ class Exchange:
     guard: Guard = field(default_factory=Guard)
     history: History | None = None
     policy_name: str = ""
+    follows: Mapping[str, str] = field(default_factory=dict)
     T_map_base: dict[str, Transform] = field(default_factory=dict)
     medium: Medium = field(init=False)
     _start_ns: int | None = None
     _asked_ns: int = 0
+    _begun: set[str] = field(default_factory=set)  # of those that follow others
 
     def __post_init__(self) -> None:
         how = self.network
@@ -100,8 +106,19 @@ class Exchange:
         everybody = tuple(permutations(sorted(self.robots), 2))
         self.medium.hold(everybody if meeting.pairs is None else meeting.pairs, meeting.stamp_ns)
 
+    def began(self, robot: str, stamp_ns: int) -> None:
+        """A robot is about to observe: if that begins another life of it, the one before ends."""
+        before = self.follows.get(robot)
+        if before is None or robot in self._begun:
+            return
+        self._begun.add(robot)
+        self.T_map_base.pop(before, None)
+        if not self.robots[before].retired:
+            self.robots[before].retire(self.robots[robot].graph.me, stamp_ns)
+
     def _is_out(self, robot: str) -> bool:
-        return bool(self.robots[robot].failed)
+        one = self.robots[robot]
+        return bool(one.failed) or one.retired or (robot in self.follows and robot not in self._begun)
 
     def _failed(self, robot: str, error: PluginError | MapError | ReversalError, stamp_ns: int) -> None:
         self.robots[robot].fail(error, stamp_ns)
@@ -140,11 +157,13 @@ def replay(
             if (T_map_base := robots[observation.robot].T_map_base) is not None:
                 exchange.T_map_base[observation.robot] = T_map_base
             continue
+        exchange.began(observation.robot, now_ns)
         robots[observation.robot].observe(observation)
         exchange.T_map_base[observation.robot] = observation.T_map_base
         sink.observed(observation)
         count += 1
     now_ns = exchange.until(now_ns, ending=True)
     for name in sorted(robots):
-        robots[name].finish(now_ns)
+        if not robots[name].retired:
+            robots[name].finish(now_ns)
     return count

@@ -31,7 +31,8 @@ from mapgraft.standing import Grounds, Standing
 class Robot:
     """One robot with its map and its merges; it decides for itself and knows the others only from bytes.
 
-    With a ``recollection`` it keeps what it observes, so that it can be corrected.
+    With a ``recollection`` it keeps what it observes, so that it can be corrected. ``epoch`` counts the lives of its
+    map frame. ``name`` is what it is called in its own history, also when others have to know it by another one.
     """
 
     name: str
@@ -46,9 +47,11 @@ class Robot:
     wanted: dict[str, tuple[int, Provenance]] = field(default_factory=dict)  # donor → versions when it was asked for
     left_out: LeftOut = field(default_factory=LeftOut)
     failed: str = ""  # why the robot takes no part any more
+    retired: bool = False  # its map frame has begun anew, and another source goes on
     through: Through = "confirmed"
     consistency: Settings = field(default_factory=Settings)
     recollection: Recollection | None = None
+    epoch: int = 1
     own: OwnMap = field(init=False)
     attempts: Attempts = field(init=False)
     standing: Standing = field(init=False)
@@ -57,10 +60,10 @@ class Robot:
     _followed: int = 0
 
     def __post_init__(self) -> None:
-        self.own = OwnMap(self.name, self.map_type, self.reversal, self.workshop, self.journal)
+        me = Source(self.name, self.epoch)
+        self.own = OwnMap(me, self.map_type, self.reversal, self.workshop, self.journal)
         self.attempts = Attempts(self.workshop, self.map_type, self.reversal)
         self.standing = Standing(self.own, self.attempts)
-        me = Source(self.name, self.own.provenance.epoch)
         self.graph = Member(me, self.standing, self.table, self.hand, self.through, self.consistency)
 
     @property
@@ -152,6 +155,22 @@ class Robot:
         """Where the robot knows it was last, where it keeps that."""
         known = self.recollection.observations if self.recollection is not None else []
         return known[-1].T_map_base if known else None
+
+    def rename(self, me: Source, reason: str, stamp_ns: int) -> None:
+        """Be another source to others from now on: what it maps and merges is told under that name.
+
+        What it has claimed under the old name stays as it is, for that name is another robot's. Its map and its own
+        history go on. Raises IrreversibleError as ``heard``.
+        """
+        self.own.me = self.graph.me = me
+        self.journal.renamed(stamp_ns, me, reason)
+        self.heard(stamp_ns)
+
+    def retire(self, successor: Source, stamp_ns: int) -> None:
+        """The robot has begun again in another map frame: this life of it ends, and what is known of it stays true."""
+        self.finish(stamp_ns)
+        self.journal.renamed(stamp_ns, successor, "its map frame has begun anew")
+        self.retired = True
 
     def fail(self, error: PluginError | MapError | ReversalError, stamp_ns: int) -> None:
         """End this robot's part in the run, and say why; what stands in its map stays."""

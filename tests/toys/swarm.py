@@ -160,7 +160,7 @@ class Robot:
     def lacks(self) -> Collection[Source]:
         return best_chains(self.source, self.claims)
 
-    def renamed(self, source: Source) -> None:
+    def renamed(self, source: Source, stamp_ns: int) -> None:
         """Everything that was attached under the old name goes."""
         for merge_id in list(self.reversal.contributions):
             self.reversal.revert(merge_id)

@@ -147,7 +147,9 @@ class Member:
             if self._disputed.get(edge) != grounds.claim.epoch:
                 said = f"{grounds.sentence}, and nobody can tell which merge is wrong: nothing is attached through it"
                 journal = self.standing.journal
-                journal.told_of("disputed", stamp_ns, grounds.claim, said, CONSISTENCY, grounds.evidence)
+                merge = self.standing.by_donor.get(edge.donor.name)
+                merge_id = merge.merge_id if merge else grounds.claim.merge_id
+                journal.told_of("disputed", stamp_ns, grounds.claim, said, CONSISTENCY, grounds.evidence, merge_id)
         self._disputed = {edge: grounds.claim.epoch for edge, grounds in mine.items()}
 
     def _attach(self, explanation: Explanation, stamp_ns: int) -> None:
@@ -170,7 +172,7 @@ class Member:
         return {
             source: chain
             for source, chain in best_chains(self.me, believed).items()
-            if source not in first_hand and not self.hand.forbids(self.me.name, source.name)
+            if source not in first_hand and not self.hand.forbids(self.standing.journal.robot, source.name)
         }
 
     def _disbelief(self, claim: Claim, explanation: Explanation) -> str:

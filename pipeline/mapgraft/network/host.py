@@ -50,6 +50,6 @@ class Host(Protocol):
         """The third robots whose layers are of use: of those whatever is newer than what is held is asked for."""
         ...
 
-    def renamed(self, source: Source) -> None:
-        """Another robot of the same name has it by right: this one is another source from now on."""
+    def renamed(self, source: Source, stamp_ns: int) -> None:
+        """Another robot of the same name has it by right: this one is that other source from now on."""
         ...

@@ -10,6 +10,7 @@ from mapgraft.contracts import MapError
 from mapgraft.errors import PluginError
 from mapgraft.exchange import Offer
 from mapgraft.graph.claims import Source
+from mapgraft.lives import base_name, life_name
 from mapgraft.network.gossip import Gossip
 from mapgraft.network.host import Host
 from mapgraft.network.replica import Replica
@@ -116,7 +117,7 @@ class Node:
                 case Parts():
                     self._came(sender, message, len(data), now_ns)
                 case Namesake():
-                    self._named_alike(message.source, message.writer)
+                    self._named_alike(message.source, message.writer, now_ns)
         except UnreadableError:
             self.unreadable += 1
 
@@ -157,7 +158,7 @@ class Node:
     def _greeted(self, sender: str, hello: Hello, size: int, now_ns: int) -> None:
         offer = _offer(hello.offer)
         source = Source(offer.provenance.source, offer.provenance.epoch)
-        if self._is_namesake(sender, source, hello.writer):
+        if self._is_namesake(sender, source, hello.writer, now_ns):
             return
         if sender not in self.peers and len(self.peers) >= MOST_PEERS:
             return
@@ -292,7 +293,7 @@ class Node:
         if self.gossip.learn(claims):
             self._wake(now_ns + self.patience_ns)
 
-    def _is_namesake(self, sender: str, source: Source, writer: bytes) -> bool:
+    def _is_namesake(self, sender: str, source: Source, writer: bytes, now_ns: int) -> bool:
         """Whether a hello comes from the second of two robots that say they are one source; it is told so.
 
         The one with the smaller writer is that source. This robot takes another epoch where it is not.
@@ -300,7 +301,7 @@ class Node:
         if source == self.source:
             if writer == self.writer:
                 return True  # its own voice
-            self._named_alike(source, writer)
+            self._named_alike(source, writer, now_ns)
             if source == self.source:
                 self._say(sender, Namesake(source, self.writer))
                 return True
@@ -319,7 +320,7 @@ class Node:
         heads = [self.replica.head(Copy(source, aspect)) for aspect in ("layer", "preview")]
         return [head for head in heads if head is not None]
 
-    def _named_alike(self, source: Source, writer: bytes) -> None:
+    def _named_alike(self, source: Source, writer: bytes, now_ns: int) -> None:
         """Another robot says that it is this source: the one with the larger writer becomes another."""
         self.namesakes.add(source)
         if source != self.source or writer >= self.writer:
@@ -327,19 +328,14 @@ class Node:
         name = base_name(source.name)
         known = (source, *(peer.source for peer in self.peers.values()))
         epoch = 1 + max(one.epoch for one in known if base_name(one.name) == name)
-        self.source = Source(f"{name}~{epoch}", epoch)
-        self.host.renamed(self.source)
+        self.source = Source(life_name(name, epoch), epoch)
+        self.host.renamed(self.source, now_ns)
 
     def _wake(self, at_ns: int) -> None:
         self.wake_ns = at_ns if self.wake_ns is None else min(at_ns, self.wake_ns)
 
     def _say(self, receiver: str, *messages: Message) -> None:
         self.outbox += [Outgoing(receiver, message) for message in messages]
-
-
-def base_name(name: str) -> str:
-    """A robot's own name: one that begins again, or is not the only one of its name, is called ``name~2``."""
-    return name.partition("~")[0]
 
 
 class UnreadableError(MapError):

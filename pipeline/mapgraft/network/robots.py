@@ -7,9 +7,10 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from mapgraft.contracts import PreviewedType
-from mapgraft.errors import FailedPluginError, MapError, PluginError
+from mapgraft.errors import FailedPluginError, PluginError
 from mapgraft.exchange import Form, Offer, SentLayer
 from mapgraft.graph.claims import Claims, Source
+from mapgraft.lives import base_name
 from mapgraft.network.host import Wish
 from mapgraft.network.node import Node
 from mapgraft.network.replica import Whole
@@ -60,9 +61,8 @@ class RobotHost:
     def lacks(self) -> Collection[Source]:
         return self.robot.graph.wants()
 
-    def renamed(self, source: Source) -> None:
-        """A mission gives every robot a name of its own."""
-        self.robot.fail(MapError(f"another robot is named {self.robot.name}: give one of them another name"), 0)
+    def renamed(self, source: Source, stamp_ns: int) -> None:
+        self.robot.rename(source, f"another robot is called {base_name(source.name)}", stamp_ns)
 
     def _has_preview(self, offer: Offer) -> bool:
         if offer.provenance.source in self.robot.merges:
@@ -81,7 +81,7 @@ def sent_layer(whole: Whole, size: int) -> SentLayer:
     return SentLayer(offer.provenance, offer.metadata.type, whole.head.form, whole.parts, size)
 
 
-def node_of(robot: Robot, patience_ns: int, previews: bool) -> Node:
-    """The node of a robot of a mission; its writer follows from its name."""
-    writer = hashlib.blake2b(robot.name.encode(), digest_size=WRITER).digest()
+def node_of(robot: Robot, patience_ns: int, previews: bool, writer: bytes = b"") -> Node:
+    """The node of a robot; its ``writer`` follows from its name, which no other of a mission has, if not told."""
+    writer = writer or hashlib.blake2b(robot.name.encode(), digest_size=WRITER).digest()
     return Node(robot.graph.me, writer, RobotHost(robot, previews), patience_ns)
