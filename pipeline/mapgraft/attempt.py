@@ -111,13 +111,15 @@ class Attempts:
             return Attempt("unmatched", str(error), 0)
 
     def _try(self, tools: Tools, donation: Donation, prior: Prior | None, about_m: Sequence[float]) -> Attempt:
-        meeting = self._meet(donation, tools.rule.via)
+        return self._seek(tools, self._meet(donation, tools.rule.via), prior, about_m)
+
+    def _seek(self, tools: Tools, meeting: Meeting, prior: Prior | None, about_m: Sequence[float]) -> Attempt:
         target, source = meeting.target, meeting.source
         empty = [side for side, map_ in (("own", target), ("donor's", source)) if map_.known() == 0]
         if empty:
             return Attempt("unmatched", f"the {' and the '.join(empty)} map knows nothing yet", 0)
         found = tools.matcher.match(target, source, prior)
-        donor = donation.provenance.source
+        donor = meeting.provenance.source
         sifted = self.refusals.sift(donor, found, tools.rule.retry.reverted, about_m)
         if not sifted.matches:
             said = f"all {len(found)} hypotheses were reverted before: {sifted.refused}"
@@ -127,6 +129,14 @@ class Attempts:
         if attempt.grafted and (overcome := self.refusals.overcome(donor, attempt.grafted.match, about_m)):
             return replace(attempt, reason=f"{attempt.reason}; {overcome}")
         return attempt
+
+    def again(self, tools: Tools, meeting: Meeting, about_m: Sequence[float]) -> Attempt:
+        """One more attempt where the two maps have met already; as ``make``."""
+        try:
+            with self._naming():
+                return self._seek(tools, meeting, None, about_m)
+        except MapError as error:
+            return Attempt("unmatched", str(error), 0)
 
     def meet(self, tools: Tools, donation: Donation) -> Meeting:
         """Where a donor's layer meets the receiver's by a rule; raises what a plugin raises, as ``graft``."""

@@ -10,7 +10,7 @@ from types import NoneType
 from typing import Any, Literal
 
 from mapgraft.contracts import Layer, MapError, MapMetadata, MapType, PartedType, PreviewedType, Provenance
-from mapgraft.graph.claims import MOST_NAME_BYTES
+from mapgraft.graph.claims import MOST_COUNTED, MOST_NAME_BYTES
 
 Form = Literal["parts", "whole"]
 _UNREADABLE = (ValueError, KeyError, TypeError, OverflowError, RecursionError)  # what strangers' bytes raise
@@ -30,14 +30,22 @@ _KINDS: dict[str, tuple[type, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """What a donor tells before anything is fetched."""
+    """What a donor tells before anything is fetched.
+
+    ``corrections`` is how often its map was made anew so far, with other poses for what it had observed: of two
+    versions that differ in it, what was found out about the one need not hold for the other.
+    """
 
     provenance: Provenance
     metadata: MapMetadata
+    corrections: int = 0
 
     def encode(self) -> bytes:
         """Canonical JSON."""
-        content = {"provenance": list(self.provenance), "metadata": dataclasses.asdict(self.metadata)}
+        content: dict[str, object] = {"provenance": list(self.provenance)}
+        content["metadata"] = dataclasses.asdict(self.metadata)
+        if self.corrections:
+            content["corrections"] = self.corrections
         return json.dumps(content, sort_keys=True, separators=(",", ":")).encode()
 
     @classmethod
@@ -45,7 +53,8 @@ class Offer:
         """Raises MapError when the bytes are not an offer."""
         try:
             content = json.loads(data)
-            return cls(_provenance(*content["provenance"]), _metadata(dict(content["metadata"])))
+            made = _provenance(*content["provenance"]), _metadata(dict(content["metadata"]))
+            return cls(*made, _count(content.get("corrections", 0)))
         except _UNREADABLE as error:
             raise MapError(f"an offer of {len(data)} bytes cannot be read: {error}") from None
 
@@ -58,6 +67,13 @@ def _provenance(source: object, epoch: int, version: int) -> Provenance:
     if not (0 <= found.epoch < 1 << 32 and 0 <= found.version < 1 << 63):
         raise ValueError(f"its epoch or version is none that a robot counts to: {str(found[1:])[:60]}")
     return found
+
+
+def _count(given: object) -> int:
+    """How often something happened; raises ValueError when that is nothing that a robot counts to."""
+    if type(given) is not int or not 0 <= given < MOST_COUNTED:
+        raise ValueError(f"its map was corrected {str(given)[:40]} times")
+    return given
 
 
 def _metadata(given: dict[str, Any]) -> MapMetadata:
@@ -80,8 +96,9 @@ def _metadata(given: dict[str, Any]) -> MapMetadata:
 class SentLayer:
     """A donor's layer as it has come: raw, in the donor's own frame, with its provenance.
 
-    ``parts`` gives what the map type cut it into (``PartedType``), or its encoding as the only one where ``form`` is
-    ``whole``. ``size`` counts the bytes in which it came; what was held before did not come again.
+    ``corrections`` is as in the offer. ``parts`` gives what the map type cut it into (``PartedType``), or its encoding
+    as the only one where ``form`` is ``whole``. ``size`` counts the bytes in which it came; what was held before did
+    not come again.
     """
 
     provenance: Provenance
@@ -89,6 +106,7 @@ class SentLayer:
     form: Form
     parts: Callable[[], Mapping[bytes, bytes]]
     size: int
+    corrections: int = 0
 
     def layer(self, map_type: MapType) -> Layer:
         """The layer, live; raises MapError when the parts do not make one."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal
@@ -25,7 +26,8 @@ from mapgraft.errors import PluginError
 from mapgraft.graph.chains import Chain
 from mapgraft.graph.support import as_believed, support_of
 from mapgraft.procedures import Tools
-from mapgraft.registration import Site
+from mapgraft.refusals import NEAR_M, NEAR_RAD
+from mapgraft.registration import Site, displacement
 from mapgraft.rhythm import Rhythm
 from mapgraft.trail import Trail
 
@@ -104,7 +106,8 @@ class Merge:
     far as they are needed to register the merge anew. ``stood`` are the transforms at which it stood: the first is the
     one that was accepted, the last that of now. ``history`` holds the samples that have all the verifier looks
     at: the first one, and the latest. ``verdict`` is the verifier's latest word. With a ``chain`` it is no merge of the
-    receiver's own: the donor's layer was attached through others.
+    receiver's own: the donor's layer was attached through others. ``corrections`` tells how often the receiver's and
+    the donor's maps had been corrected when they were held against each other first.
     """
 
     merge_id: str
@@ -117,6 +120,7 @@ class Merge:
     site: Site
     meeting: Meeting | None = None
     chain: Chain | None = None
+    corrections: tuple[int, int] = (0, 0)
     state: State = "provisional"
     history: list[Sample] = field(default_factory=list)
     decided_by_person: bool = False
@@ -178,10 +182,11 @@ class Merge:
         return sample or Sample(stamp_ns, 0, {})
 
     def restart(self, stamp_ns: int) -> None:
-        """The receiver has mapped anew: what its observations have told so far was told of another map.
+        """One of the maps is another one now: what has been told so far was told of the one that it was.
 
-        The state stays. Raises PluginError when a metric fails.
+        It stands where it was put last, and the state stays. Raises PluginError when a metric fails.
         """
+        del self.stood[:-1]
         if self.unwatched:
             return
         self._judged.watches.clear()
@@ -274,6 +279,16 @@ class Merge:
     def may_move(self) -> bool:
         """Whether it may be registered anew; what a person decided stays where it is, and what others found out."""
         return self.meeting is not None and self.chain is None and not (self.decided_by_person or self.unwatched)
+
+    def is_near(self, T_receiver_donor: Transform) -> bool:
+        """Whether a transform puts the donor where it stands, give or take what a map is bent by."""
+        shift_m, turn_rad = displacement(self.comparison.T_receiver_donor, T_receiver_donor, self.site.about_m)
+        return shift_m <= NEAR_M and turn_rad <= NEAR_RAD
+
+    def shift_to(self, T_receiver_donor: Transform) -> str:
+        """By how much a transform puts the donor elsewhere, for a person."""
+        shift_m, turn_rad = displacement(self.comparison.T_receiver_donor, T_receiver_donor, self.site.about_m)
+        return f"{shift_m:.2f} m, {math.degrees(turn_rad):.2f}°"
 
     def stop_watching(self) -> None:
         """Ask nobody about it any more: it stays as it is."""

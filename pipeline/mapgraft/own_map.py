@@ -22,7 +22,8 @@ from mapgraft.reversal.gathering import Gathering
 class OwnMap:
     """The map of one robot as its reversal keeps it. What it costs to tell is paid once per version.
 
-    ``me`` is the source that the robot is to others.
+    ``me`` is the source that the robot is to others, ``corrections`` how often the map was made anew from what had
+    been observed.
     """
 
     me: Source
@@ -30,6 +31,7 @@ class OwnMap:
     reversal: Reversal
     workshop: Workshop
     journal: Journal
+    corrections: int = 0
     _encoded: tuple[int, bytes] | None = None
     _described: tuple[int, MapMetadata] | None = None
 
@@ -58,7 +60,7 @@ class OwnMap:
     def offer(self) -> bytes:
         """What this robot tells about its map; raises FailedPluginError or MapError when its type cannot tell."""
         with self.asking():
-            return Offer(self.provenance, self.metadata()).encode()
+            return Offer(self.provenance, self.metadata(), self.corrections).encode()
 
     def metadata(self) -> MapMetadata:
         """What there is to say about the offered layer, found out once per version."""
@@ -76,7 +78,8 @@ class OwnMap:
         """This robot's own evidence, raw and in its own frame, as one hands it over who is next to the other."""
         with self.asking():
             whole = self.encoded_layer()
-        return SentLayer(self.provenance, self.map_type.name, "whole", lambda: {b"": whole}, len(whole))
+        parts = {b"": whole}
+        return SentLayer(self.provenance, self.map_type.name, "whole", lambda: parts, len(whole), self.corrections)
 
     def cut(self, layer: Layer) -> tuple[Form, Mapping[bytes, bytes]]:
         """The offered layer, or its preview, as it is sent, in parts where its type has any; raises as ``offer``."""

@@ -63,6 +63,10 @@ class Refusals:
     def add(self, donor: str, refusal: Refusal) -> None:
         self.by_donor.setdefault(donor, []).append(refusal)
 
+    def forget(self, donor: str) -> None:
+        """One of the maps is another one now: only what a person took out is still refused."""
+        self.by_donor[donor] = [refusal for refusal in self.by_donor.get(donor, ()) if refusal.by_person]
+
     def at(self, donor: str, T_receiver_donor: Transform, about_m: Sequence[float]) -> list[Refusal]:
         """What was taken out at this place; ``about_m`` is where the donor's map is, in its frame."""
         known = self.by_donor.get(donor, ())

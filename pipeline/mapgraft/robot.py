@@ -56,6 +56,7 @@ class Robot:
     attempts: Attempts = field(init=False)
     standing: Standing = field(init=False)
     graph: Member = field(init=False)
+    corrected: dict[str, int] = field(default_factory=dict)  # donor → how often its map was corrected
     corrected_ns: list[int] = field(default_factory=list)  # when it mapped anew
     _followed: int = 0
 
@@ -132,8 +133,9 @@ class Robot:
             return
         self.recollection.observations[:] = anew.observations
         self.corrected_ns.append(stamp_ns)
+        self.own.corrections += 1
         self.attempts.changed()
-        self.candidates.last.clear()  # what was tried with the map as it was need not wait
+        self._try_anew(*self.candidates.counts)
         self.journal.corrected(stamp_ns, anew)
         try:
             self.standing.remapped(self.graph.layers, stamp_ns)
@@ -182,6 +184,12 @@ class Robot:
         """Write down what plugins did wrong that concerns no merge."""
         self.standing.complain(error, stamp_ns, "")
 
+    def _try_anew(self, *donors: str) -> None:
+        """A map is another one now: what was tried with the one that it was need not wait, and is not refused."""
+        for donor in donors:
+            self.candidates.forget(donor)
+            self.attempts.refusals.forget(donor)
+
     def offer(self) -> bytes:
         """What this robot tells about its map; raises FailedPluginError or MapError when its type cannot tell."""
         return self.own.offer()
@@ -218,6 +226,9 @@ class Robot:
         """
         received = Offer.decode(offer)
         donor = received.provenance.source
+        if self.corrected.get(donor, 0) != received.corrections:
+            self.corrected[donor] = received.corrections
+            self._try_anew(donor)
         if (standing := self.merges.get(donor)) is not None:
             return self.standing.awaits(standing, received)
         both = (self.reversal.version, received.provenance)
@@ -253,9 +264,11 @@ class Robot:
         received = Offer.decode(offer)
         donor = received.provenance.source
         if (standing := self.merges.get(donor)) is not None:
+            was_corrected = sent.corrections != standing.corrections[1]
             if not preview and self.standing.awaits(standing, received):
                 self.standing.update(standing, received.metadata, sent, stamp_ns)
-            return preview
+            if preview or donor in self.merges or not was_corrected:
+                return preview
         with self.own.asking():
             met = self._encounter(donor, received.metadata, stamp_ns)
         worth = self._decide(donor, sent, met, preview)
@@ -327,23 +340,24 @@ class Robot:
             self.journal.attempted(met.stamp_ns, attempt, tools, merge_id, donation.provenance, sent.size)
         else:
             self.candidates.forget(donor)
-            merge = self._merge(attempt, attempt.grafted, tools, merge_id, sent.size, met)
+            merge = self._merge(attempt, attempt.grafted, tools, merge_id, sent, met)
             self._obey(merge, met.stamp_ns)
         return False
 
     def _merge(
-        self, attempt: Attempt, grafted: Grafted, tools: Tools, merge_id: str, size: int, met: Encounter
+        self, attempt: Attempt, grafted: Grafted, tools: Tools, merge_id: str, sent: SentLayer, met: Encounter
     ) -> Merge:
         provenance, stamp_ns = grafted.contribution.provenance, met.stamp_ns
         self.graph.make_room(Source(provenance.source, provenance.epoch), stamp_ns)
         made = (merge_id, tools, grafted.match, provenance, grafted.comparison, self.reversal.name)
         meeting = grafted.meeting if tools.refines and self.reversal.name != "single_map" else None
-        merge = Merge(*made, self.standing.trail, met.site, meeting)
+        corrections = (self.own.corrections, sent.corrections)
+        merge = Merge(*made, self.standing.trail, met.site, meeting, corrections=corrections)
         self.standing.show("before merge", stamp_ns, merge_id, entering=(merge,))
         with self.workshop.guard.calling("fuser", tools.procedure.fuse.use):
             self.reversal.merge(merge_id, grafted.contribution)
         self.standing.add(merge)
-        self.journal.attempted(stamp_ns, attempt, tools, merge_id, provenance, size)
+        self.journal.attempted(stamp_ns, attempt, tools, merge_id, provenance, sent.size)
         self.standing.show("after merge", stamp_ns, merge_id)
         try:
             with self.own.naming():

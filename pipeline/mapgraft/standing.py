@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from mapgraft.attempt import Attempts, Grafted, Meeting
+from mapgraft.attempt import Attempt, Attempts, Grafted, Meeting
 from mapgraft.contracts import Exactness, MapMetadata, Observation, Region, Sample, Verdict
 from mapgraft.errors import FailedPluginError, IrreversibleError, MapError, PluginError, ReversalError
 from mapgraft.events import Kind
@@ -23,6 +23,7 @@ from mapgraft.registration import Move, Site
 from mapgraft.reversal import Reversal
 from mapgraft.trail import Trail
 
+CORRECTION: Final = "correction"
 LONG: Final = 64  # observations: so often it is found out which of them are still needed
 
 
@@ -118,6 +119,10 @@ class Standing:
         merge.site = replace(Site.of(metadata, metadata), cell_m=merge.site.cell_m)
         try:
             meeting = self.attempts.meet(merge.tools, self.own.receive(sent))
+            if sent.corrections != merge.corrections[1]:
+                merge.corrections = (merge.corrections[0], sent.corrections)
+                self._find_again(merge, meeting, "the donor's map was corrected", stamp_ns, sent.size)
+                return
             move = self._find_move(merge, meeting)
             grafted = self.attempts.graft(merge.tools, meeting, move.match if move else merge.match)
             moved = f"; {move.reason}" if move else ""
@@ -129,14 +134,13 @@ class Standing:
             self.complain(error, stamp_ns, merge.donor, merge=merge)
 
     def remapped(self, layers: Layers, stamp_ns: int) -> None:
-        """The receiver has mapped anew: fuse every donor anew, where it lies best now, and test it from the start."""
+        """The receiver has mapped anew: find every donor anew, and test it from the start."""
         for merge in self.all:
+            merge.corrections = (self.own.corrections, merge.corrections[1])
             try:
-                with self.own.naming():
-                    merge.restart(stamp_ns)
                 self._fuse_anew(merge, layers, stamp_ns)
             except MapError as error:
-                self.journal.changed("verified", stamp_ns, merge, f"it is left as it was: {error}", "correction")
+                self.journal.changed("verified", stamp_ns, merge, f"it is left as it was: {error}", CORRECTION)
             except PluginError as error:
                 self._unverifiable(merge, stamp_ns, error)
 
@@ -145,13 +149,55 @@ class Standing:
         meeting = merge.meeting
         if sent is not None and sent.provenance == merge.provenance:
             meeting = self.attempts.meet(merge.tools, self.own.receive(sent))
-        if meeting is None:
-            self.verify(merge, stamp_ns, everything=True, tell=True)
+        if meeting is not None:
+            self._find_again(merge, meeting, "the own map was corrected", stamp_ns)
+            return
+        with self.own.naming():
+            merge.restart(stamp_ns)
+        self.verify(merge, stamp_ns, everything=True, tell=True)
+
+    def _find_again(self, merge: Merge, meeting: Meeting, why: str, stamp_ns: int, size: int = 0) -> None:
+        """One of the two maps is another one now: what was found out about it need not hold for what it has become.
+
+        Where a fresh attempt is accepted at the same place, the merge stands there; where it is accepted elsewhere, it
+        is taken out, and nothing is refused. Where none is, it stays as near as it lies best, provisionally.
+        """
+        attempt = self._attempt_again(merge, meeting)
+        if attempt is not None and attempt.grafted is not None:
+            T = attempt.grafted.comparison.T_receiver_donor
+            if merge.is_near(T):
+                said = f"{why}; found again, moved by {merge.shift_to(T)}: {attempt.reason}"
+                self._put_anew(merge, attempt.grafted, said, stamp_ns, size)
+            else:
+                said = f"{why}, and the two meet elsewhere now: {attempt.reason}"
+                self.revert(merge, stamp_ns, Grounds(said, CORRECTION), refuse=False)
             return
         move = self._find_move(merge, meeting, anyway=True)
+        said = f"{why}; {move.reason if move else 'it stays where it is'}"
+        if attempt is not None and merge.state == "confirmed":
+            merge.state = "provisional"
+            said += f"; what confirmed it was another map, and now {attempt.reason}"
         grafted = self.attempts.graft(merge.tools, meeting, move.match if move else merge.match)
-        said = f"the own map was corrected; {move.reason if move else 'it stays where it is'}"
-        self._swap(merge, grafted, said, "correction", stamp_ns)
+        self._put_anew(merge, grafted, said, stamp_ns, size)
+
+    def _put_anew(self, merge: Merge, grafted: Grafted, reason: str, stamp_ns: int, size: int) -> None:
+        """Replace the contribution, and measure from the start."""
+        with self.workshop.guard.calling("fuser", merge.tools.procedure.fuse.use):
+            self.reversal.replace(merge.merge_id, grafted.contribution)
+        merge.replace(grafted)
+        self.changes += 1
+        with self.own.naming():
+            merge.restart(stamp_ns)
+        kind: Kind = "updated" if merge.chain is None else "reattached"
+        self.journal.changed(kind, stamp_ns, merge, reason, CORRECTION, size=size)
+        self.verify(merge, stamp_ns, everything=True, tell=True)
+
+    def _attempt_again(self, merge: Merge, meeting: Meeting) -> Attempt | None:
+        """A fresh attempt with a merge's tools; None where it stays as it is, whatever becomes of the maps."""
+        own, other = self.own.map_type.name, meeting.donor_type
+        if not merge.may_move or self.workshop.out_of_order(merge.tools.rule, own, other):
+            return None
+        return self.attempts.again(merge.tools, meeting, merge.site.about_m)
 
     def _register(self, merge: Merge, stamp_ns: int) -> None:
         """Find out whether both maps, as they are now, tell a better transform, and put it in the place of the old."""

@@ -126,6 +126,23 @@ def test_a_newer_layer_takes_the_place_of_the_older_one(apart, hear):
     assert fused(alpha)[90] == 1
 
 
+def test_what_was_found_before_a_correction_leads_nowhere_until_it_is_found_again(apart):
+    memory, robots = apart()
+    hold(robots, "alpha", "bravo", "charlie")
+    known = robots["alpha"].claims
+    known.join([claim(B, A), claim(C, B)])
+    robots["alpha"].heard(1)
+    assert list(told(memory)) == [("attached", "bravo"), ("attached", "charlie")]
+    known.add(claim(D, B, 3.0, corrections=(0, 1)))
+    robots["alpha"].heard(2)
+    gone = [e for e in memory.events if e.kind == "detached"]
+    assert {e.donor for e in gone} == {"bravo", "charlie"}
+    assert "bravo.alpha.1 was found before bravo's map was corrected, and there is no other way" in gone[0].reason
+    known.add(claim(B, A, corrections=(1, 0)))
+    robots["alpha"].heard(3)
+    assert list(told(memory))[4:] == [("attached", "bravo")]
+
+
 def test_who_merges_at_first_hand_counts_the_source_once(play):
     """Bravo has confirmed alpha, alpha has not merged bravo; then it does."""
     rules = [dict(RULE, accept={"use": "first_one", "least": 5, "metrics": ["disagreement"]})]

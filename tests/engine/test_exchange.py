@@ -22,9 +22,11 @@ NAMES = st.text(min_size=1, max_size=8)
     provenance=st.builds(Provenance, NAMES, st.integers(0, 9), st.integers(0, 10**6)),
     bounds=st.none() | st.tuples(*[st.floats(-1e3, 1e3)] * 4),
     extra=st.dictionaries(NAMES, st.one_of(st.booleans(), st.floats(-1, 1), NAMES), max_size=3),
+    corrections=st.integers(0, 3),
 )
-def test_an_offer_survives_the_way(provenance, bounds, extra):
-    offer = Offer(provenance, MapMetadata("grid", 0.05, bounds_m=bounds, can_send=("rays",), extra=extra))
+def test_an_offer_survives_the_way(provenance, bounds, extra, corrections):
+    metadata = MapMetadata("grid", 0.05, bounds_m=bounds, can_send=("rays",), extra=extra)
+    offer = Offer(provenance, metadata, corrections)
     assert Offer.decode(offer.encode()) == offer
     assert Offer.decode(offer.encode()).encode() == offer.encode()
 
@@ -38,7 +40,8 @@ def test_noise_is_no_offer(data):
 def _offer(**changed: object) -> bytes:
     sound = json.loads(Offer(Provenance("a", 1, 2), MapMetadata("grid", 0.05, extra={"x": 1.0})).encode())
     metadata = {**sound["metadata"], **{k: v for k, v in changed.items() if k in sound["metadata"]}}
-    return json.dumps({**sound, "metadata": metadata, **{k: v for k, v in changed.items() if k in sound}}).encode()
+    told = {k: v for k, v in changed.items() if k in (*sound, "corrections")}
+    return json.dumps({**sound, "metadata": metadata, **told}).encode()
 
 
 UNFIT = {
@@ -56,6 +59,9 @@ UNFIT = {
     "a bound that is a word": _offer(bounds_m=[1, 2, 3, "x"]),
     "nothing to call what it can send": _offer(can_send=[1]),
     "more than plain values": _offer(extra={"x": [1]}),
+    "corrections that are no number": _offer(corrections="often"),
+    "fewer corrections than none": _offer(corrections=-1),
+    "more corrections than anybody counts": _offer(corrections=1 << 32),
     "lists in lists": b"[" * 3000,
 }
 

@@ -42,6 +42,7 @@ def claims() -> st.SearchStrategy[Claim]:
         stamp_ns=st.integers(0, 10),
         by=st.sampled_from(["sequential", "person"]),
         reason=st.text(max_size=12),
+        corrections=st.sampled_from([(0, 0), (0, 1), (2, 1)]),
     ).filter(lambda claim: claim.receiver != claim.donor)
 
 

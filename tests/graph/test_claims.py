@@ -65,6 +65,20 @@ def test_a_revert_outlives_what_is_told_late_of_the_same_epoch() -> None:
     assert known.active() == ()
 
 
+def test_what_is_told_after_a_correction_goes_before_what_was_confirmed_before_it() -> None:
+    known = Claims([claim(state="confirmed", revision=9)])
+    assert known.add(claim(state="provisional", revision=1, corrections=(0, 1)))
+    assert not known.add(claim(state="confirmed", revision=10))
+    assert known.add(claim(state="reverted", revision=2))
+    assert not known.add(claim(state="confirmed", revision=11, corrections=(1, 1)))
+
+
+def test_corrections_cost_nothing_where_there_are_none() -> None:
+    corrected = claim(corrections=(0, 3))
+    assert len(corrected.data) == len(claim().data) + 8
+    assert (corrected.corrections_of(corrected.receiver), corrected.corrections_of(corrected.donor)) == (0, 3)
+
+
 def test_merging_again_is_a_new_epoch() -> None:
     known = Claims([claim(state="reverted")])
     assert known.add(claim(epoch=2))

@@ -45,6 +45,15 @@ def test_a_loop_with_a_wrong_claim_does_not_close(claim) -> None:
     assert loop.mahalanobis2 > loop.limit
 
 
+def test_what_was_found_on_a_map_before_its_correction_does_not_blame_what_was_found_after(claim) -> None:
+    old, new = claim("ab", support=9.0, off=FAR), {"corrections": (1, 0)}
+    assert find_loops([old, claim("ba", **new)]) == ()
+    assert find_loops([old, claim("bc", **new), claim("ca")]) == ()
+    (loop,) = find_loops([claim("ab", corrections=(0, 1)), claim("bc", **new), claim("ca")])
+    assert loop.consistent
+    assert len(find_loops([claim("ab", corrections=(0, 1), off=FAR), claim("ba", **new)])) == 1
+
+
 def test_residuals_are_exactly_what_the_claims_say(claim, place) -> None:
     """Mahalanobis distance and shift by hand for two claims about one pair."""
     ab, ba = claim("ab"), claim("ba", off=(0.2, 0.0, 0.0))

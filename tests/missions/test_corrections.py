@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -156,13 +157,32 @@ def test_its_own_merges_are_registered_and_tested_anew(drifted):
     after = [event for event in result.events if event.receiver == "alpha"]
     at = next(k for k, event in enumerate(after) if event.kind == "corrected")
     assert after[at + 1].kind == "updated" and after[at + 1].by == "correction"
-    assert after[at + 1].reason.startswith("the own map was corrected; registered anew: moved by ")
+    assert after[at + 1].reason.startswith("the own map was corrected; found again, moved by ")
     assert after[at + 2].kind == "verified" and after[at + 2].reason == "no new evidence yet"
     (stands,) = [event for event in result.standing.values() if event.receiver == "alpha"]
     knew = mapgraft.run([ALPHA, BRAVO], without_corrections(**once))
     (true,) = [event for event in knew.standing.values() if event.receiver == "alpha"]
     shift_m, turn_rad = stands.T_receiver_donor.difference(true.T_receiver_donor)
     assert shift_m < 0.05 and turn_rad < 0.005
+
+
+@pytest.mark.parametrize("every_s", (30, 60))
+def test_what_was_wrong_on_the_old_map_is_found_out_and_what_is_right_on_the_new_one_stands(drifted, every_s):
+    """The two begin in rooms that look alike: both merges are wrong at first, and the map of one is bent."""
+    meetings = {"exchange": {"use": "every", "seconds": every_s}, "mission": {"end_s": 260}}
+    result = mapgraft.run([drifted(), BRAVO], config(**meetings), verify_ledger=True)
+    lie = json.loads(demo_files()[2].read_text())["T_world_map"]
+    alpha, bravo = Transform.planar(*lie["alpha"]), Transform.planar(*lie["bravo"])
+    true = {"alpha": alpha.inverse() @ bravo, "bravo": bravo.inverse() @ alpha}
+    standing = {event.receiver: event for event in result.standing.values()}
+    assert {event.state for event in standing.values()} == {"confirmed"} and len(standing) == 2
+    for receiver, event in standing.items():
+        shift_m, turn_rad = event.T_receiver_donor.difference(true[receiver])
+        assert shift_m < 0.2 and turn_rad < 0.01
+    assert all(finding.sound for finding in result.ledgers)
+    assert not [event for event in result.events if event.kind == "reverted" and event.by == "consistency"]
+    out = [event for event in result.events if event.kind == "reverted" and event.receiver == "bravo"]
+    assert [event.by for event in out] == ["correction"] and "the two meet elsewhere now" in out[0].reason
 
 
 def test_a_single_map_with_others_in_it_says_that_it_cannot(drifted):

@@ -88,7 +88,7 @@ class Attachments:
         grafted = self.standing.attempts.graft(tools, meeting, match)
         self.counts[source.name] = self.counts.get(source.name, 0) + 1
         name = f"{chain.target.name}.{source.name}.via.{self.counts[source.name]}"
-        self._enter(name, source, chain, tools, grafted, site, stamp_ns)
+        self._enter(name, source, chain, tools, grafted, site, sent)
         self.left_aside.pop(source, None)
         reason = f"through {_told(chain)}"
         merge = self.standing.attached[source]
@@ -98,7 +98,7 @@ class Attachments:
             merge.start(stamp_ns)
 
     def _enter(
-        self, name: str, source: Source, chain: Chain, tools: Tools, grafted: Grafted, site: Site, stamp_ns: int
+        self, name: str, source: Source, chain: Chain, tools: Tools, grafted: Grafted, site: Site, sent: SentLayer
     ) -> None:
         standing, contribution = self.standing, grafted.contribution
         made = (name, tools, grafted.match, contribution.provenance, grafted.comparison, standing.reversal.name)
@@ -107,7 +107,8 @@ class Attachments:
                 standing.reversal.replace(name, contribution)
             else:
                 standing.reversal.merge(name, contribution)
-        standing.attached[source] = Merge(*made, standing.trail, site, grafted.meeting, chain)
+        corrections = (standing.own.corrections, sent.corrections)
+        standing.attached[source] = Merge(*made, standing.trail, site, grafted.meeting, chain, corrections)
         self._made_of[source] = (contribution.provenance.version, standing.reversal.version)
 
     def _renew(self, source: Source, merge: Merge, chain: Chain, sent: SentLayer, stamp_ns: int) -> None:
@@ -128,12 +129,16 @@ class Attachments:
             return
         grafted = standing.attempts.graft(merge.tools, self._meeting(merge, sent), match)
         if is_elsewhere:  # what spoke for it no longer does
-            self._enter(merge.merge_id, source, chain, merge.tools, grafted, merge.site, stamp_ns)
+            self._enter(merge.merge_id, source, chain, merge.tools, grafted, merge.site, sent)
             merge = standing.attached[source]
             with standing.own.naming():
                 merge.start(stamp_ns)
         else:
             self._swap(source, merge, grafted, moved or newer)
+            if sent.corrections != merge.corrections[1]:
+                merge.corrections = (merge.corrections[0], sent.corrections)
+                with self.standing.own.naming():
+                    merge.restart(stamp_ns)
         if moved or newer:
             reason, size = _why_anew(before, chain, newer), sent.size if newer else 0
             standing.journal.changed("reattached", stamp_ns, merge, reason, BY, size=size)

@@ -22,10 +22,14 @@ MOST_SUPPORT: Final = 12.0  # nats: nobody is surer than that, either way
 MOST_NAME_BYTES: Final = 400  # a robot's name of 100 letters
 MOST_TEXT_BYTES: Final = 1000
 MOST_EDGES: Final = 20_000
+MOST_COUNTED: Final = 1 << 32  # corrections of one map
 REMEMBERED: Final = 4096  # claims that were read: in one process many robots hear the same
 _STATES: Final[tuple[State, ...]] = ("provisional", "confirmed", "reverted")
 _MAGIC: Final = b"MGC1"
-_FIXED: Final = struct.Struct("<IBIq9i3qdd?")  # epoch, state, revision, stamp, rotation, shift, scale, support, has cov
+_FIXED: Final = struct.Struct("<IBIq9i3qddB")  # epoch, state, revision, stamp, rotation, shift, scale, support, has
+_HAS_COVARIANCE: Final = 1
+_HAS_CORRECTIONS: Final = 2
+_CORRECTIONS: Final = struct.Struct("<II")
 _EPOCH: Final = struct.Struct("<I")
 _LENGTH: Final = struct.Struct("<H")
 _UPPER: Final = np.triu_indices(6)
@@ -55,6 +59,7 @@ class Claim:
     the older one cannot undo. ``revision`` rises with every change within it. ``T_receiver_donor`` is in fixed point,
     ``covariance`` in the receiver's frame, to first order, None where nobody knows. ``support`` is the log-odds (nats)
     that the merge is right, as the receiver judges now, within ±12. ``stamp_ns`` is data time, ``by`` who decided.
+    ``corrections`` tells how often the receiver's and the donor's maps had been corrected when the transform was found.
     The donor may write ``reverted`` of an epoch, too, and nobody else may write anything.
     """
 
@@ -70,6 +75,7 @@ class Claim:
     stamp_ns: int = 0
     by: str = ""
     reason: str = ""
+    corrections: tuple[int, int] = (0, 0)
     data: bytes = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -99,12 +105,18 @@ class Claim:
         """Whether the merge stands."""
         return self.state != "reverted"
 
+    def corrections_of(self, end: Source) -> int:
+        """How often the map of one of its two ends had been corrected when the transform was found."""
+        return self.corrections[0 if end == self.receiver else 1]
+
     def encode(self) -> bytes:
         """Canonical bytes: equal claims, equal bytes."""
         return self.data
 
     def _encoded(self) -> bytes:
         matrix = self.T_receiver_donor.matrix
+        has = _HAS_COVARIANCE if self.covariance is not None else 0
+        has |= _HAS_CORRECTIONS if any(self.corrections) else 0
         fixed = _FIXED.pack(
             self.epoch,
             RANK[self.state],
@@ -114,11 +126,12 @@ class Claim:
             *(round(float(value) / TRANSLATION_STEP_M) for value in matrix[:3, 3]),
             self.scale,
             self.support,
-            self.covariance is not None,
+            has,
         )
         sigma = b"" if self.covariance is None else self.covariance[_UPPER].astype("<f8").tobytes()
+        corrections = _CORRECTIONS.pack(*self.corrections) if any(self.corrections) else b""
         names = b"".join(_text(one.name) + _EPOCH.pack(one.epoch) for one in self.edge)
-        return _MAGIC + names + fixed + sigma + _text(self.by) + _text(self.reason)
+        return _MAGIC + names + fixed + sigma + corrections + _text(self.by) + _text(self.reason)
 
     @classmethod
     def decode(cls, data: bytes) -> Claim:
@@ -129,9 +142,13 @@ class Claim:
         return _decoded(bytes(data))
 
     @property
-    def order(self) -> tuple[int, int, int, bytes]:
-        """What decides which of two claims about one edge holds: the larger one."""
-        return self.epoch, RANK[self.state], self.revision, hashlib.sha256(self.data).digest()
+    def order(self) -> tuple[int, bool, int, int, int, bytes]:
+        """What decides which of two claims about one edge holds: the larger one.
+
+        What is told of a merge after one of its maps was corrected goes before all that was told before.
+        """
+        told = (sum(self.corrections), RANK[self.state], self.revision)
+        return self.epoch, not self.is_active, *told, hashlib.sha256(self.data).digest()
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Claim) and self.data == other.data
@@ -235,15 +252,19 @@ def _read(data: bytes) -> Claim:
     matrix = np.eye(4)
     matrix[:3, :3] = np.reshape(rest[:9], (3, 3)) * ROTATION_STEP
     matrix[:3, 3] = np.array(rest[9:12]) * TRANSLATION_STEP_M
-    scale, support, has_covariance = rest[12:]
+    scale, support, has = rest[12:]
     covariance: Covariance | None = None
-    if has_covariance:
+    if has & _HAS_COVARIANCE:
         if len(data) < at + 168:
             raise ValueError("its covariance is cut short")
         covariance = np.zeros((6, 6))
         covariance[_UPPER] = np.frombuffer(data, "<f8", 21, at)
         covariance = covariance + np.triu(covariance, 1).T
         at += 168
+    corrections = (0, 0)
+    if has & _HAS_CORRECTIONS:
+        corrections = _CORRECTIONS.unpack_from(data, at)
+        at += _CORRECTIONS.size
     by, at = _read_text(data, at, MOST_TEXT_BYTES)
     reason, at = _read_text(data, at, MOST_TEXT_BYTES)
     if at != len(data) or state >= len(_STATES):
@@ -252,7 +273,7 @@ def _read(data: bytes) -> Claim:
     if not (math.isfinite(support) and math.isfinite(scale)):
         raise ValueError(f"its support is {support} and its scale {scale}")
     made = (sources[0], sources[1], epoch, _STATES[state], revision, T, scale, covariance)
-    return Claim(*made, support, stamp_ns, by, reason)
+    return Claim(*made, support, stamp_ns, by, reason, corrections)
 
 
 def _read_text(data: bytes, at: int, most: int) -> tuple[str, int]:

@@ -51,5 +51,9 @@ class HeldLayers:
     def sent(self, source: Source) -> SentLayer | None:
         return self._held.get(source)
 
+    def corrections(self, source: Source) -> int:
+        """How often the map of which the layer is had been corrected; 0 where there is none."""
+        return self._held[source].corrections if source in self._held else 0
+
     def __iter__(self) -> Iterator[Source]:
         return iter(sorted(self._held))

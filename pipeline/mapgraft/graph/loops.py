@@ -75,11 +75,13 @@ def find_loops(claims: Iterable[Claim], tolerance: Tolerance | None = None) -> t
 
     Two claims about the same two sources, from either side, are a loop of two. Of longer ones those without a chord are
     taken, for each pair of sources the shortest few, so that every claim that lies in a loop of at most ``LONGEST`` is
-    in one of these. What was measured lately is remembered: one claim that changes costs the loops through it.
+    in one of these. Where two claims that meet were found on different states of the map between them, one before it
+    was corrected and one after, that they do not close says nothing: such loops are left out. What was measured lately
+    is remembered: one claim that changes costs the loops through it.
     """
     links = _links(claims)
     neighbours = tuple((here, tuple(others)) for here, others in links.items())
-    walks = [walk for cycle in _cycles(neighbours) for walk in _walks(cycle, links)]
+    walks = [walk for cycle in _cycles(neighbours) for walk in _walks(cycle, links) if _is_of_one_state(*walk)]
     return _measured(walks, tolerance or Tolerance())
 
 
@@ -159,6 +161,14 @@ def _walks(cycle: tuple[Source, ...], links: Links) -> Iterator[Walk]:
         for other in told:
             if other is not best[at]:
                 yield cycle, (*best[:at], other, *best[at + 1 :])
+
+
+def _is_of_one_state(cycle: tuple[Source, ...], claims: tuple[Claim, ...]) -> bool:
+    """Whether of every map that the loop passes both claims about it know the same corrections."""
+    if not any(any(claim.corrections) for claim in claims):
+        return True
+    pairs = zip(cycle, claims, (claims[-1], *claims[:-1]), strict=True)
+    return all(after.corrections_of(here) == before.corrections_of(here) for here, after, before in pairs)
 
 
 def _measured(walks: Sequence[Walk], tolerance: Tolerance) -> tuple[Loop, ...]:

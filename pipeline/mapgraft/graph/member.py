@@ -28,8 +28,8 @@ Through = Literal["confirmed", "provisional", "none"]
 class Member:
     """The claims and layers that one robot has heard of, its own among them, and what it makes of them.
 
-    ``through`` says by which merges of others layers are attached. ``disbelieved`` are claims of others, by edge and
-    epoch, that own observations have contradicted, with the reason.
+    ``through`` says by which merges of others layers are attached. ``disbelieved`` are claims of others, by edge, epoch
+    and corrections, that own observations have contradicted, with the reason.
     """
 
     me: Source
@@ -40,11 +40,12 @@ class Member:
     settings: Settings = field(default_factory=Settings)
     claims: Claims = field(default_factory=Claims)
     layers: HeldLayers = field(default_factory=HeldLayers)
-    disbelieved: dict[tuple[Edge, int], str] = field(default_factory=dict)
+    disbelieved: dict[tuple[Edge, int, tuple[int, int]], str] = field(default_factory=dict)
     attachments: Attachments = field(init=False)
     _disputed: dict[Edge, int] = field(default_factory=dict)
     _explained: tuple[int, Explanation] = (-1, Explanation())
     _known: tuple[object, ...] = ()
+    _latest: Mapping[Source, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.attachments = Attachments(self.standing, self.table)
@@ -167,6 +168,7 @@ class Member:
         """Whose layers belong into the map, each by its best-supported chain."""
         if self.through == "none":
             return {}
+        self._latest = self._corrections()
         believed = [claim for claim in self.claims.active() if not self._disbelief(claim, explanation)]
         first_hand = {_donor_of(merge) for merge in self.standing.by_donor.values()}
         return {
@@ -183,11 +185,22 @@ class Member:
             return f"{claim.merge_id} contradicts other merges: {grounds.sentence}"
         if claim.edge in explanation.disputed:
             return f"{claim.merge_id} is in dispute"
-        if why := self.disbelieved.get((claim.edge, claim.epoch)):
+        for end in claim.edge:
+            if claim.corrections_of(end) < self._latest.get(end, 0):
+                return f"{claim.merge_id} was found before {end.name}'s map was corrected"
+        if why := self.disbelieved.get((claim.edge, claim.epoch, claim.corrections)):
             return f"{claim.merge_id} is not believed: {why}"
         if claim.receiver != self.me and claim.state != "confirmed" and self.through != "provisional":
             return f"{claim.merge_id} is not confirmed"
         return ""
+
+    def _corrections(self) -> dict[Source, int]:
+        """How often the map of each source has been corrected, as far as anybody has told."""
+        latest = {self.me: self.standing.own.corrections}
+        for claim in self.claims.active():
+            for end in claim.edge:
+                latest[end] = max(latest.get(end, 0), claim.corrections_of(end), self.layers.corrections(end))
+        return latest
 
     def _why_not(self, chain: Chain, explanation: Explanation) -> str:
         """Why something can no longer be attached by a chain, or need not be."""
@@ -210,7 +223,7 @@ class Member:
     def _disbelieve(self, merge: Merge, chain: Chain, verdict: Verdict, stamp_ns: int) -> None:
         foreign = [claim for claim in chain.claims if claim.receiver != self.me]
         weakest = min(reversed(foreign), key=lambda claim: claim.support)
-        self.disbelieved[weakest.edge, weakest.epoch] = verdict.reason
+        self.disbelieved[weakest.edge, weakest.epoch, weakest.corrections] = verdict.reason
         refusal = Refusal(merge.merge_id, tuple(merge.stood), merge.match.score)
         self.standing.attempts.refusals.add(merge.donor, refusal)
         said = f"{weakest.merge_id}, the least supported merge that led to {merge.donor}: {verdict.reason}"
@@ -233,11 +246,15 @@ def _claim(me: Source, donor: Source, merge: Merge, epoch: int, revision: int, s
     by = "person" if merge.decided_by_person else merge.tools.procedure.verify.use
     known = match.covariance is not None and is_covariance((match.covariance + match.covariance.T) / 2.0)
     where = (T, match.scale, match.covariance if known else None)
-    return Claim(me, donor, epoch, state, revision, *where, support=merge.support, stamp_ns=stamp_ns, by=by)
+    support, corrections = merge.support, merge.corrections
+    return Claim(
+        me, donor, epoch, state, revision, *where, support=support, stamp_ns=stamp_ns, by=by, corrections=corrections
+    )
 
 
 def _is_news(known: Claim, merge: Merge) -> bool:
     same = known.T_receiver_donor == merge.comparison.T_receiver_donor and known.scale == merge.match.scale
+    same = same and known.corrections == merge.corrections
     return not same or known.state != merge.state or abs(known.support - merge.support) >= NEWS
 
 

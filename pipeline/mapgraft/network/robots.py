@@ -78,7 +78,7 @@ class RobotHost:
 def sent_layer(whole: Whole, size: int) -> SentLayer:
     """What came, for the robot; unpacked when it is looked at."""
     offer = Offer.decode(whole.head.offer)
-    return SentLayer(offer.provenance, offer.metadata.type, whole.head.form, whole.parts, size)
+    return SentLayer(offer.provenance, offer.metadata.type, whole.head.form, whole.parts, size, offer.corrections)
 
 
 def node_of(robot: Robot, patience_ns: int, previews: bool, writer: bytes = b"") -> Node:
