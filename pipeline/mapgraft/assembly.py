@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ from mapgraft.network.radio import NS_PER_S, Conditions, Partition
 from mapgraft.persons import Hand, given_priors, recorded_priors
 from mapgraft.plugins import Plugins
 from mapgraft.procedures import Workshop
+from mapgraft.rendezvous import METRIC, Rendezvous
 from mapgraft.replay import Exchange, Network
 from mapgraft.reversal import new_reversal
 from mapgraft.robot import Robot
@@ -41,7 +42,9 @@ class Assembly:
 def assemble(mission: Mission, config: Config, plugins: Plugins, table: DecisionTable, sink: Sink) -> Assembly:
     """Make the robots of a mission; raises ConfigError or PluginError when something does not fit."""
     guard = mission.guard  # one for all: only one can be armed at a time
-    workshop, history = Workshop(plugins, guard=guard), History(sink)
+    names = {base_name(source.name) for source in mission.robots}
+    sees = sees_others(config, names)
+    workshop, history = Workshop(plugins, guard=guard, further=(METRIC,) if sees else ()), History(sink)
     workshop.prepare(table)
     hand, consistency = hand_of(config, mission), settings_of(config.consistency)
     robots: dict[str, Robot] = {}
@@ -59,6 +62,7 @@ def assemble(mission: Mission, config: Config, plugins: Plugins, table: Decision
             consistency=consistency,
             recollection=recollection,
             epoch=source.life,
+            rendezvous=Rendezvous() if sees else None,
         )
     try:
         policy = workshop.policy(config.exchange.use, config.exchange.parameters)
@@ -71,6 +75,16 @@ def assemble(mission: Mission, config: Config, plugins: Plugins, table: Decision
     made_of = (policy, robots, mission.T_world_map, network)
     exchange = Exchange(*made_of, guard=guard, history=history, policy_name=name, follows=follows)
     return Assembly(robots, exchange, history, hand)
+
+
+def sees_others(config: Config, names: Collection[str]) -> bool:
+    """Whether it is told of robots that saw each other; raises ConfigError where one of them is none."""
+    told = [(f"robots.{robot}.sightings", one.robot) for robot, r in config.robots.items() for one in r.sightings]
+    told += [("meetings", name) for one in config.meetings for name in (one.a, one.b)]
+    for where, name in told:
+        if name not in names:
+            raise ConfigError(f"{where}: there is no robot {name!r}: the recording has {', '.join(sorted(names))}")
+    return bool(told)
 
 
 def network_of(config: RadioConfig, robots: Iterable[str]) -> Network:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Literal
 
 from mapgraft.comparison import Compared, Sight
@@ -18,14 +19,17 @@ from mapgraft.contracts import (
     Measurement,
     Prior,
     Provenance,
+    Sighting,
     Step,
     Transform,
 )
 from mapgraft.errors import MapError
+from mapgraft.graph.claims import Source
 from mapgraft.guard import Call
 from mapgraft.procedures import Tools, Workshop
 from mapgraft.refusals import Refusals
 from mapgraft.registration import Move, Site, find_move
+from mapgraft.rendezvous import Rendezvous
 from mapgraft.reversal import Reversal
 
 
@@ -97,6 +101,7 @@ class Attempts:
     reversal: Reversal
     sights: dict[str, Sight] = field(default_factory=dict)
     refusals: Refusals = field(default_factory=Refusals)
+    rendezvous: Rendezvous | None = None
 
     def make(self, tools: Tools, donation: Donation, prior: Prior | None, about_m: Sequence[float]) -> Attempt:
         """One attempt with the donor's layer as it is now; ``about_m`` is where the donor's map is, in its frame.
@@ -196,7 +201,8 @@ class Attempts:
 
     def _candidate(self, tools: Tools, meeting: Meeting, match: Match) -> Candidate:
         T = match.T_receiver_donor.snapped()
-        compared = Compared(meeting.map_type, "own", T, match, _place(meeting, match), meeting.sight)
+        placed, meetings = _place(meeting, match), self._meetings(meeting)
+        compared = Compared(meeting.map_type, "own", T, match, placed, meeting.sight, meetings=meetings)
         return Candidate(match, {name: metric.track(compared).update(Step()) for name, metric in tools.metrics.items()})
 
     def _graft(self, tools: Tools, meeting: Meeting, match: Match) -> Grafted:
@@ -204,8 +210,16 @@ class Attempts:
         placed = contribution.layer if meeting.map_type is self.own_type else _place(meeting, match)
         T = contribution.T_receiver_donor
         sight, subject = meeting.sight, self.reversal.subject
-        compared = Compared(meeting.map_type, subject, T, match, placed, sight, converted=sight.convert is not None)
+        made, converted = (meeting.map_type, subject, T, match, placed, sight), sight.convert is not None
+        compared = Compared(*made, converted=converted, meetings=self._meetings(meeting))
         return Grafted(match, contribution, compared, meeting)
+
+    def _meetings(self, meeting: Meeting) -> Callable[[], Sequence[Sighting]]:
+        """What tells, at any time, where the receiver and this donor saw each other."""
+        if self.rendezvous is None:
+            return tuple
+        donor = Source(meeting.provenance.source, meeting.provenance.epoch)
+        return partial(self.rendezvous.sightings, donor)
 
     def _meet(self, donation: Donation, via: str | None) -> Meeting:
         own, other = self.own_type.name, donation.layer.map_type

@@ -19,6 +19,7 @@ from mapgraft.errors import PluginError
 from mapgraft.guard import Call, Guard
 from mapgraft.plugins import Plugins
 from mapgraft.procedures import Workshop
+from mapgraft.rendezvous import Sighted
 from mapgraft.robot import Robot
 
 
@@ -32,7 +33,7 @@ class Finding:
 
 
 def audit(
-    timeline: Iterable[Observation | Correction],
+    timeline: Iterable[Observation | Correction | Sighted],
     kinds: Mapping[str, Iterable[str]],
     robots: Mapping[str, Robot],
     config: Config,
@@ -51,6 +52,8 @@ def audit(
     for again in anew.values():
         again.begin(wanted)
     for entry in timeline:
+        if isinstance(entry, Sighted):
+            continue
         again, robot = anew[entry.robot], robots[entry.robot]
         if again.failed or again.version >= robot.reversal.version:
             continue

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from mapgraft.contracts import Layer, Map, MapType, Match, Transform
+from mapgraft.contracts import Layer, Map, MapType, Match, Sighting, Transform
 from mapgraft.reversal import Reversal
 
 
@@ -21,6 +21,7 @@ class Compared:
     donor_layer: Layer
     see: Callable[[], tuple[Layer, Map]]
     converted: bool = False  # whether the receiver's map is converted to be compared
+    meetings: Callable[[], Sequence[Sighting]] = tuple
     _donor: Map | None = None
 
     @property
@@ -30,6 +31,10 @@ class Compared:
     @property
     def target_layer(self) -> Layer:
         return self.see()[0]
+
+    @property
+    def sightings(self) -> Sequence[Sighting]:
+        return self.meetings()
 
     @property
     def donor(self) -> Map:

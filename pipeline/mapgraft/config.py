@@ -155,6 +155,19 @@ class WindowConfig(Section):
         return self
 
 
+class SightingsConfig(Section):
+    """A topic on which a robot tells where another one's base lies, by poses in a frame that is fixed to itself.
+
+    ``sigma_m`` and ``sigma_yaw_rad`` are standard deviations where the messages tell none; without the latter only
+    the place counts.
+    """
+
+    robot: str
+    topic: str
+    sigma_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.2
+    sigma_yaw_rad: Annotated[float, Field(gt=0, le=TURN_RAD)] | None = None
+
+
 class RobotConfig(Section):
     """One robot. Everything has a default from discovery; ``mapgraft info`` shows what would be used.
 
@@ -177,6 +190,7 @@ class RobotConfig(Section):
     restarts: list[Seconds] | str | None = None
     clock: ClockName | None = None
     clock_offset_s: Seconds | None = None
+    sightings: list[SightingsConfig] = Field(default_factory=list)
     map: MapConfig = MapConfig()
     reversal: ReversalName | None = None
 
@@ -191,6 +205,22 @@ class PriorConfig(Section):
     yaw_rad: Annotated[float, Field(ge=-TURN_RAD, le=TURN_RAD)]  # more is surely meant in degrees
     sigma_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.5
     sigma_yaw_rad: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.1
+
+
+class MeetingConfig(Section):
+    """What is known of where two robots lay to each other: the base of ``b`` in that of ``a``, ``at_s`` of the mission.
+
+    Without ``yaw_rad`` only the place is known.
+    """
+
+    a: str
+    b: str
+    at_s: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    x_m: Seconds
+    y_m: Seconds
+    yaw_rad: Annotated[float, Field(ge=-TURN_RAD, le=TURN_RAD)] | None = None
+    sigma_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.2
+    sigma_yaw_rad: Annotated[float, Field(gt=0, le=TURN_RAD)] = 0.1
 
 
 class VerdictConfig(Section):
@@ -273,6 +303,7 @@ class Config(Section):
     consistency: ConsistencyConfig = ConsistencyConfig()
     rules: list[dict[str, Any]] | Path | None = None
     priors: list[PriorConfig] = Field(default_factory=list)
+    meetings: list[MeetingConfig] = Field(default_factory=list)
     forbid: list[tuple[str, str]] = Field(default_factory=list)
     verdicts: list[VerdictConfig] = Field(default_factory=list)
     output: OutputConfig = OutputConfig()

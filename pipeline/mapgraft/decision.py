@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -170,6 +170,13 @@ class Procedure:
         """All metrics of the rule, each once, in the order in which they are named."""
         named = (*self.accept.metric_names, *self.verify.metric_names, *self.verify.log.metrics)
         return tuple(dict.fromkeys(named))
+
+    def measuring(self, further: Sequence[str]) -> Procedure:
+        """The same with further metrics, that are measured whenever the verifier looks."""
+        if not further:
+            return self
+        metrics = list(dict.fromkeys((*self.verify.metric_names, *further)))
+        return replace(self, verify=self.verify.model_copy(update={"metrics": metrics}))
 
 
 @dataclass(frozen=True, slots=True)

@@ -294,7 +294,7 @@ def map_alone(files: Sequence[Path], config: Config, plugins: Plugins, table: De
         for entry in mission.timeline():
             if isinstance(entry, Correction):
                 robots[entry.robot].correct(entry)
-            else:
+            elif isinstance(entry, Observation):
                 robots[entry.robot].observe(entry)
     if failed := next((robot.failed for robot in robots.values() if robot.failed), None):
         raise PluginError(failed)

@@ -109,11 +109,13 @@ class Workshop:
     """Makes tools, map types and conversions from the installed plugins.
 
     With ``watch`` somebody looks over the tools' shoulders: what it returns works in their place. All are guarded.
+    ``further`` metrics are measured beside those of each rule, wherever something is accepted or verified.
     """
 
     plugins: Plugins
     watch: Callable[[Tools], Tools] | None = None
     guard: Guard = field(default_factory=Guard)
+    further: tuple[str, ...] = ()
     _made: dict[tuple[PluginKind, str, str], object] = field(default_factory=dict)
     _map_types: dict[str, MapType] = field(default_factory=dict)
 
@@ -144,7 +146,9 @@ class Workshop:
     def tools(self, rule: Rule) -> Tools:
         """The tools of a rule that has a procedure; raises PluginError or ConfigError when one cannot be made."""
         made = {(kind, name): self._tool(kind, name, parameters) for kind, name, parameters in _parts(rule)}
-        procedure, guard = rule.procedure, self.guard
+        procedure, guard = rule.procedure.measuring(self.further), self.guard
+        for name in self.further:
+            made["metric", name] = self._tool("metric", name, rule.metrics.get(name, {}))
         match, accept, fuse, verify = (
             part.use for part in (procedure.match, procedure.accept, procedure.fuse, procedure.verify)
         )

@@ -15,9 +15,12 @@ from mapgraft.history import History
 from mapgraft.network.medium import Medium
 from mapgraft.network.radio import NS_PER_S, Conditions, Radio, Traffic
 from mapgraft.network.robots import node_of
+from mapgraft.rendezvous import Sighted
 from mapgraft.robot import Robot
 from mapgraft.soundness import sound_meetings
 from mapgraft.stopwatch import Stopwatch
+
+Entry = Observation | Correction | Sighted
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,9 +144,7 @@ class Placements(Mapping[tuple[str, str], Transform]):
         return sum(len(robot.merges) for robot in self._robots.values())
 
 
-def replay(
-    timeline: Iterable[Observation | Correction], robots: Mapping[str, Robot], exchange: Exchange, sink: Sink
-) -> int:
+def replay(timeline: Iterable[Entry], robots: Mapping[str, Robot], exchange: Exchange, sink: Sink) -> int:
     """Replay one mission; returns how many observations there were.
 
     Exchanges fall between observations: whatever is due at a stamp happens before the observation of that stamp.
@@ -152,6 +153,10 @@ def replay(
     for observation in timeline:
         now_ns = observation.stamp_ns
         exchange.until(now_ns)
+        if isinstance(observation, Sighted):
+            if (book := robots[observation.robot].rendezvous) is not None:
+                book.sighted(observation.other, observation.seen_ns, observation.seen)
+            continue
         if isinstance(observation, Correction):
             robots[observation.robot].correct(observation)
             if (T_map_base := robots[observation.robot].T_map_base) is not None:

@@ -23,6 +23,7 @@ from mapgraft.own_map import OwnMap
 from mapgraft.persons import Hand
 from mapgraft.procedures import Tools, Workshop
 from mapgraft.registration import Site
+from mapgraft.rendezvous import Rendezvous
 from mapgraft.reversal import Reversal
 from mapgraft.standing import Grounds, Standing
 
@@ -52,6 +53,7 @@ class Robot:
     consistency: Settings = field(default_factory=Settings)
     recollection: Recollection | None = None
     epoch: int = 1
+    rendezvous: Rendezvous | None = None
     own: OwnMap = field(init=False)
     attempts: Attempts = field(init=False)
     standing: Standing = field(init=False)
@@ -63,7 +65,7 @@ class Robot:
     def __post_init__(self) -> None:
         me = Source(self.name, self.epoch)
         self.own = OwnMap(me, self.map_type, self.reversal, self.workshop, self.journal)
-        self.attempts = Attempts(self.workshop, self.map_type, self.reversal)
+        self.attempts = Attempts(self.workshop, self.map_type, self.reversal, rendezvous=self.rendezvous)
         self.standing = Standing(self.own, self.attempts)
         self.graph = Member(me, self.standing, self.table, self.hand, self.through, self.consistency)
 
@@ -99,6 +101,8 @@ class Robot:
         self.attempts.changed()
         if self.recollection is not None:
             self.recollection.observations.append(observation)
+        if self.rendezvous is not None:
+            self.rendezvous.moved(observation)
         try:
             self.standing.observed(observation, touched)
             if self.standing.changes != self._followed or self.standing.doubted:
@@ -132,6 +136,8 @@ class Robot:
             self.complain(error, stamp_ns)
             return
         self.recollection.observations[:] = anew.observations
+        if self.rendezvous is not None:
+            self.rendezvous.corrected(anew.observations)
         self.corrected_ns.append(stamp_ns)
         self.own.corrections += 1
         self.attempts.changed()
@@ -142,6 +148,13 @@ class Robot:
             self.heard(stamp_ns)
         except ReversalError as error:
             self.fail(error, stamp_ns)
+
+    def met(self, other: Source, stamp_ns: int) -> None:
+        """More is known of where this robot and another saw each other; raises IrreversibleError as ``heard``."""
+        self.candidates.forget(other.name)
+        self.looked_at.pop(other.name, None)
+        if (merge := self.merges.get(other.name)) is not None and not self.failed:
+            self.standing.verify(merge, stamp_ns, everything=True, tell=True)
 
     def heard(self, stamp_ns: int) -> None:
         """Draw the consequences for the own map of all claims and layers that are known by now.
@@ -159,17 +172,13 @@ class Robot:
         return known[-1].T_map_base if known else None
 
     def rename(self, me: Source, reason: str, stamp_ns: int) -> None:
-        """Be another source to others from now on: what it maps and merges is told under that name.
-
-        What it has claimed under the old name stays as it is, for that name is another robot's. Its map and its own
-        history go on. Raises IrreversibleError as ``heard``.
-        """
+        """Be another source to others from now on; what it claimed under the old name stays. Raises as ``heard``."""
         self.own.me = self.graph.me = me
         self.journal.renamed(stamp_ns, me, reason)
         self.heard(stamp_ns)
 
     def retire(self, successor: Source, stamp_ns: int) -> None:
-        """The robot has begun again in another map frame: this life of it ends, and what is known of it stays true."""
+        """The robot has begun again in another map frame."""
         self.finish(stamp_ns)
         self.journal.renamed(stamp_ns, successor, "its map frame has begun anew")
         self.retired = True

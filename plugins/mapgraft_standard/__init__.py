@@ -38,6 +38,17 @@ def register_acceptors(register: Register) -> None:
 
 
 @hookimpl
+def register_metrics(register: Register) -> None:
+    register(
+        Descriptor(
+            "rendezvous",
+            "mapgraft_standard.rendezvous:Rendezvous",
+            "log Bayes factor of where two robots saw each other, against any place on the map",
+        )
+    )
+
+
+@hookimpl
 def register_verifiers(register: Register) -> None:
     register(
         Descriptor(

@@ -7,6 +7,7 @@ from typing import Any
 
 from mapgraft.contracts import Candidate, ConfigError, Decision, PluginError
 from mapgraft_standard.limits import Bounds, Check, bounds_of, limits_of, mapping_of, number_of
+from mapgraft_standard.rendezvous import REFUTED, refutations
 
 
 class Thresholds:
@@ -15,7 +16,8 @@ class Thresholds:
     ``score_min`` bounds the matcher's score, ``evidence`` named numbers of the matcher (``{name: {min, max}}``) and
     ``metrics`` the measurements: ``{name: {min, max, support_min, details: {name: {min, max}}}}``, where a metric
     without min and max must keep the limit that it names itself (the detail ``limit``). A metric that cannot be
-    measured is a limit that is not kept. When a second candidate keeps every limit too and the margin of the first is
+    measured is a limit that is not kept. So is what robots that saw each other say (``rendezvous``), where that speaks
+    clearly against a candidate. When a second candidate keeps every limit too and the margin of the first is
     below ``margin_min``, the verdict is ``ambiguous``.
     """
 
@@ -72,7 +74,7 @@ class Thresholds:
 
     def _checks(self, candidate: Candidate) -> list[Check]:
         match = candidate.match
-        checks = [self.score.check("score", match.score)]
+        checks = [self.score.check("score", match.score), *refutations(candidate.measurements, REFUTED)]
         for name, bounds in self.evidence.items():
             if name not in match.evidence:
                 found = ", ".join(match.evidence) or "nothing"

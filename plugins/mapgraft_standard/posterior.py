@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from mapgraft.contracts import Candidate, ConfigError, Decision, PluginError
 from mapgraft_standard.limits import Check, limits_of
+from mapgraft_standard.rendezvous import REFUTED, refutations, told_by
 
 _LEAST: Final = 1e-12  # nothing is surer than that
 
@@ -17,7 +18,8 @@ class Posterior:
 
     What the metric ``metric`` measures, which ``metrics`` must name, is the probability of each candidate by itself;
     one that it cannot tell is 0. At most one candidate is right, so the probabilities are weighed against each other:
-    each is its odds over 1 + the sum of all odds. Below ``provisional`` and from ``ambiguous`` on the verdict is
+    each is its odds over 1 + the sum of all odds. Where robots saw each other the metric ``rendezvous`` multiplies the
+    odds, and at ``refuted`` nats or below is a veto. Below ``provisional`` and from ``ambiguous`` on the verdict is
     ``ambiguous``. Limits on further ``metrics`` (``{name: {min, max, support_min, details: {name: {min, max}}}}``) are
     vetoes: a candidate that breaks one is out; what cannot be measured breaks none.
     """
@@ -29,6 +31,7 @@ class Posterior:
         ambiguous: float = 0.5,
         metric: str = "posterior",
         metrics: Mapping[str, Any] | None = None,
+        refuted: float = REFUTED,
     ) -> None:
         if not 0.0 < ambiguous <= provisional < 1.0:
             raise ConfigError(
@@ -38,6 +41,7 @@ class Posterior:
         self.provisional = provisional
         self.ambiguous = ambiguous
         self.metric = metric
+        self.refuted = refuted
         self.vetoes = limits_of({n: o for n, o in (metrics or {}).items() if n != metric or o}, "acceptor posterior")
 
     def accept(self, candidates: Sequence[Candidate]) -> Decision:
@@ -63,12 +67,17 @@ class Posterior:
     def _probability(self, candidate: Candidate) -> float:
         if self.metric not in candidate.measurements:
             raise PluginError(f"the metric {self.metric} was not measured: an acceptor must get what its rule names")
-        value = candidate.measurements[self.metric].value
-        return 0.0 if math.isnan(value) else value
+        value, met = candidate.measurements[self.metric].value, told_by(candidate.measurements)
+        if math.isnan(value):
+            return 0.0
+        if not met:
+            return value
+        odds = value / max(1.0 - value, _LEAST) * math.exp(met)
+        return odds / (1.0 + odds)
 
     def _vetoes(self, candidate: Candidate) -> list[Check]:
         """The limits that a candidate breaks."""
-        out = []
+        out = list(refutations(candidate.measurements, self.refuted))
         for name, limit in self.vetoes.items():
             if name not in candidate.measurements:
                 raise PluginError(f"the metric {name} was not measured: an acceptor must get what its rule names")

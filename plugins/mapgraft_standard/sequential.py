@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from mapgraft.contracts import ConfigError, Measurement, PluginError, Sample, Verdict
 from mapgraft_standard.limits import mapping_of
+from mapgraft_standard.rendezvous import NAME, REFUTED, TELLING, told_by
 
 REVERSALS = ("ledger", "multi_map", "single_map")
 
@@ -18,9 +19,11 @@ class Sequential:
     The metric ``news`` tells how many independent pieces of new evidence speak for the merge (its detail ``agreed``)
     and ``against`` it. A piece is against a right merge with probability ``against_right`` and against a wrong one with
     ``against_wrong``, so that each moves the log-odds Λ that the merge is wrong. Λ starts from what the metric
-    ``prior`` (a probability that the merge is right) said when it was accepted, but no surer than ``prior_max`` nats.
+    ``prior`` (a probability that the merge is right) said when it was accepted, but no surer than ``prior_max`` nats;
+    where robots saw each other, that is evidence of its own, and the nats of ``rendezvous`` are taken off Λ.
     The merge is reverted when Λ ≥ log((1 - false_confirm) / false_revert), and confirmed when Λ ≤ log(false_confirm /
-    (1 - false_revert)) and at least ``new_m`` metres of new walls agree, because confirming needs new evidence.
+    (1 - false_revert)) and at least ``new_m`` metres of new walls agree or the robots saw each other where they should,
+    because confirming needs new evidence.
 
     The rates are risks: of merges accepted alike, at most ``false_revert`` are right and reverted, and at most
     ``false_confirm`` wrong and confirmed, as far as ``prior`` and the two shares are true. With ``prior_max`` 0 they
@@ -81,18 +84,20 @@ class Sequential:
         if news is None:
             raise PluginError(f"the metric {self.news} was not measured: a rule must name it among its metrics")
         agreed, against, places = (_detail(news, name) for name in ("agreed", "against", "places"))
-        start = self._start(history[0])
+        met = told_by(latest.measurements)
+        start = self._start(history[0]) - met
         wrong = start + against * self.if_against + agreed * self.if_agreed
-        evidence = self._evidence(wrong, reversal)
+        evidence = self._evidence(wrong, reversal) | ({NAME: met} if met else {})
         if reversal != "single_map" and (fallen := self._fallen(history)) is not None:
             return Verdict("revert", fallen, evidence)
-        if not news.support:
+        if not (news.support or met):
             return Verdict("keep", "no new evidence yet", evidence)
-        action, said = self._judge(wrong, start, news, latest.state == "confirmed" and places < self.places, reversal)
+        is_local = latest.state == "confirmed" and places < self.places and met > REFUTED
+        action, said = self._judge(wrong, start, news, is_local, met, reversal)
         return Verdict(action, said, evidence)
 
     def _judge(
-        self, wrong: float, start: float, news: Measurement, is_local: bool, reversal: str
+        self, wrong: float, start: float, news: Measurement, is_local: bool, met: float, reversal: str
     ) -> tuple[Literal["keep", "confirm", "revert"], str]:
         """What follows from the log-odds; ``is_local`` says that the merge is confirmed and too few places are against
         it."""
@@ -102,13 +107,14 @@ class Sequential:
             f"{against:g} of {news.support} new pieces of evidence are against it, in {places:g} places: "
             f"log-odds of being wrong {wrong:.1f}, {start:.1f} at the start"
         )
+        said += f"; where the robots saw each other says {met:+.1f} nats for it" if met else ""
         if wrong >= self.upper:
             if is_local:
                 return "keep", f"{said}: what is against a confirmed merge is in less than {self.places} places"
             return "revert", f"{said}; reverted from {self.upper:.1f} on"
         if wrong > self.lower:
             return "keep", f"{said}; undecided between {self.lower:.1f} and {self.upper:.1f}"
-        if new_m < self.new_m:
+        if new_m < self.new_m and met < TELLING:
             return "keep", f"{said}; {new_m:.1f} of {self.new_m:g} m of new walls agree"
         if not self.confirms.get(reversal, False):
             return "keep", f"{said}; the rule never confirms what it sees here"

@@ -8,6 +8,7 @@ from typing import Any
 
 from mapgraft.contracts import ConfigError, PluginError, Sample, Verdict
 from mapgraft_standard.limits import Check, Limit, limits_of, mapping_of, number_of
+from mapgraft_standard.rendezvous import NAME, REFUTED, refutations
 
 REVERSALS = ("ledger", "multi_map", "single_map")
 _OVERRIDES = ("metrics", "patience", "confirm_after", "new_support")
@@ -40,7 +41,8 @@ class Thresholds:
     measured, and confirmed when, ``confirm_after`` observations after the merge or later, every metric kept its limit
     in the last ``patience`` samples and its support has grown by the share ``new_support`` since the merge, because
     what the transform was chosen on cannot test it; with ``confirm_after`` null it is never confirmed. A metric that
-    cannot be measured never confirms nor reverts.
+    cannot be measured never confirms nor reverts. What robots that saw each other say (``rendezvous``) reverts by
+    itself where it speaks clearly against the merge.
     ``reversals`` replaces any of these under a reversal, metric by metric, because a merged map agrees with a donor
     that it contains: ``{single_map: {metrics: {similarity: {min: 0.95}}, confirm_after: null}}``.
     """
@@ -74,6 +76,12 @@ class Thresholds:
         demands = self.demands[reversal]
         limits = demands.limits_for(history[-1])
         evidence = _evidence(history[-1], limits, demands.confirm_after is not None)
+        if refuted := [check.text for check in refutations(history[-1].measurements, REFUTED)]:
+            return Verdict(
+                "revert",
+                f"{refuted[0]}: the robots saw each other elsewhere",
+                {**evidence, f"{NAME}.revert_at": REFUTED},
+            )
         standing = []
         for name, limit in limits.items():
             streak = _streak(history, name, limit)

@@ -44,6 +44,7 @@ from mapgraft.contracts.observations import (
     Scan,
 )
 from mapgraft.contracts.plugin import CONTRACT, Descriptor, Register, RegisterRules, hookimpl
+from mapgraft.contracts.rendezvous import Sighting
 from mapgraft.contracts.sources import Channel, RawMessage, ReadFaults, RecordedScan, ScanMessage, SchemaText, Source
 from mapgraft.contracts.verification import (
     RECENT_SAMPLES,
@@ -144,6 +145,7 @@ __all__ = [
     "Scan",
     "ScanMessage",
     "SchemaText",
+    "Sighting",
     "Signal",
     "Situation",
     "Source",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 from mapgraft.contracts.geometry import Transform
 from mapgraft.contracts.maps import Layer, Map, MapType, Region
 from mapgraft.contracts.observations import Observation
+from mapgraft.contracts.rendezvous import Sighting
 
 if TYPE_CHECKING:
     from mapgraft.contracts.merging import Match
@@ -46,6 +47,11 @@ class Comparison(Protocol):
 
         Its transform is ``T_receiver_donor`` before it was put into fixed point.
         """
+        ...
+
+    @property
+    def sightings(self) -> Sequence[Sighting]:
+        """Where the two robots saw each other, as far as anybody told; mostly none."""
         ...
 
     @property

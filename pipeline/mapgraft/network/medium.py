@@ -46,6 +46,9 @@ class Medium:
             self.radio.connect(receiver, donor, until_ns)
             with self._asking(donor, now_ns):
                 hellos.append((donor, receiver, self.nodes[donor].greeting(receiver)))
+                self._flush(donor, now_ns)
+        if at_once:
+            self._deliver(now_ns)
         for donor, receiver, hello in hellos:
             if not (self.is_out(donor) or self.is_out(receiver)):
                 self._send(donor, receiver, hello, now_ns)

@@ -13,6 +13,7 @@ from mapgraft.graph.claims import Source
 from mapgraft.lives import base_name, life_name
 from mapgraft.network.gossip import Gossip
 from mapgraft.network.host import Host
+from mapgraft.network.meetings import Meetings, Met
 from mapgraft.network.replica import Replica
 from mapgraft.network.wire import (
     Copy,
@@ -90,14 +91,17 @@ class Node:
     namesakes: set[Source] = field(default_factory=set)  # sources of which two robots say that they are it
     _questions: dict[Copy, Question] = field(default_factory=dict)
     _asked: dict[tuple[Copy, str], int] = field(default_factory=dict)  # since which hello of that peer
+    meetings: Meetings | None = None  # where robots see each other
     gossip: Gossip = field(init=False)
 
     def __post_init__(self) -> None:
         self.gossip = Gossip(self.host.claims)
 
     def greeting(self, peer: str) -> Hello:
-        """What to say to a peer on contact; raises what the robot's map type raises."""
+        """What to say to a peer on contact; what comes before it is in the outbox. Raises what the map type raises."""
         known = self.peers.get(peer)
+        if self.meetings is not None:
+            self._say(peer, *self.meetings.greeting(self.source, peer, known.source if known else None))
         own, others, news = self.gossip.hello(peer, self.source, known.source if known else None)
         return Hello(self.writer, self.host.offer(), own, others, news)
 
@@ -116,6 +120,8 @@ class Node:
                     self._asked_for(sender, message, now_ns)
                 case Parts():
                     self._came(sender, message, len(data), now_ns)
+                case Met() if self.meetings is not None:
+                    self._say(sender, *self.meetings.heard(self.source, sender, message, now_ns))
                 case Namesake():
                     self._named_alike(message.source, message.writer, now_ns)
         except UnreadableError:

@@ -12,6 +12,7 @@ from mapgraft.exchange import Form, Offer, SentLayer
 from mapgraft.graph.claims import Claims, Source
 from mapgraft.lives import base_name
 from mapgraft.network.host import Wish
+from mapgraft.network.meetings import Meetings
 from mapgraft.network.node import Node
 from mapgraft.network.replica import Whole
 from mapgraft.network.wire import WRITER, Aspect
@@ -84,4 +85,6 @@ def sent_layer(whole: Whole, size: int) -> SentLayer:
 def node_of(robot: Robot, patience_ns: int, previews: bool, writer: bytes = b"") -> Node:
     """The node of a robot; its ``writer`` follows from its name, which no other of a mission has, if not told."""
     writer = writer or hashlib.blake2b(robot.name.encode(), digest_size=WRITER).digest()
-    return Node(robot.graph.me, writer, RobotHost(robot, previews), patience_ns)
+    book = robot.rendezvous
+    meetings = None if book is None else Meetings(book, robot.met)
+    return Node(robot.graph.me, writer, RobotHost(robot, previews), patience_ns, meetings=meetings)

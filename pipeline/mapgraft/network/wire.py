@@ -14,6 +14,7 @@ from typing import Final, Literal, NamedTuple
 from mapgraft.contracts import MapError
 from mapgraft.exchange import Form
 from mapgraft.graph.claims import Source
+from mapgraft.network.meetings import Met, read_met, write_met
 from mapgraft.network.packing import Reader, Writer, pack_offer, texts, unpack_offer, write_texts
 
 MAGIC: Final = b"MGN\x01"
@@ -145,7 +146,7 @@ class Namesake:
     writer: bytes
 
 
-Message = Hello | Summary | Told | Want | Parts | Namesake
+Message = Hello | Summary | Told | Want | Parts | Namesake | Met
 KINDS: Final[Mapping[type, str]] = {
     Hello: "hello",
     Summary: "summary",
@@ -153,6 +154,7 @@ KINDS: Final[Mapping[type, str]] = {
     Want: "want",
     Parts: "parts",
     Namesake: "namesake",
+    Met: "meetings",
 }
 
 
@@ -180,6 +182,8 @@ def encode(message: Message) -> bytes:
             _write_parts(writer, message)
         case Namesake():
             writer.source(message.source).raw(message.writer)
+        case Met():
+            write_met(writer, message)
     data = bytes(writer.data)
     if len(data) + _CHECK > MOST_BYTES:
         raise MapError(f"a message of {len(data)} bytes is too long to be sent: {MOST_BYTES} are read")
@@ -321,4 +325,5 @@ _READ: Final[Sequence[Callable[[Reader], Message]]] = (
     _read_want,
     _read_parts,
     lambda reader: Namesake(reader.source(), reader.raw(WRITER)),
+    read_met,
 )

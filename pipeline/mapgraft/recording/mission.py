@@ -31,8 +31,10 @@ from mapgraft.recording.smear import odometry_plan
 from mapgraft.recording.timeline.corrections import corrections
 from mapgraft.recording.timeline.intake import Limits
 from mapgraft.recording.timeline.shifts import shifts
+from mapgraft.recording.timeline.sightings import meetings, sightings
 from mapgraft.recording.timeline.stream import Member, Stream
 from mapgraft.recording.timeline.tally import Tally
+from mapgraft.rendezvous import Sighted
 
 S = 1_000_000_000
 _SHOWN = 10
@@ -85,6 +87,7 @@ class Mission:
     def __init__(self, roster: Roster, library: Library, config: Config) -> None:
         self._library = library
         self._config = config.mission
+        self._meetings = config.meetings
         self._extent_m = config.limits.extent_m
         self._plans = roster.plans
         self._map_files = roster.map_files
@@ -152,13 +155,16 @@ class Mission:
         """
         return self._observations(self._limits())
 
-    def timeline(self) -> Iterator[Observation | Correction]:
-        """As ``observations``, with the robots' corrections of their own poses between them, each when it was told."""
+    def timeline(self) -> Iterator[Observation | Correction | Sighted]:
+        """As ``observations``, with the robots' corrections of their own poses, and where they saw each other, between
+        them, each when it was told."""
         observations, limits = self.observations(), self._limits()
-        told: list[Iterator[Observation | Correction]] = [
+        told: list[Iterator[Observation | Correction | Sighted]] = [
             corrections(plan, self._shifts[plan.name], self._anchors.get(plan.name), limits, self._faults)
             for plan in self._plans
         ]
+        told += [sightings(plan, self._shifts[plan.name], limits, self._faults) for plan in self._plans]
+        told.append(iter(meetings(self._meetings, self._plans, self.start_ns)))
         return heapq.merge(observations, *told, key=lambda entry: entry.stamp_ns)
 
     def places(self) -> Iterator[Observation]:

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from mapgraft.config import ClockName, RobotConfig, WindowConfig
+from mapgraft.config import ClockName, RobotConfig, SightingsConfig, WindowConfig
 from mapgraft.contracts import GRID_MESSAGE, ConfigError
 from mapgraft.contracts.sources import Source
 from mapgraft.recording.robots.choice import PATH, PosePlan, choose_poses
 from mapgraft.recording.robots.clocks import INDEX_STEP_NS, Clock, Range, Times, times_of
 from mapgraft.recording.robots.discovery import FoundRobot
 from mapgraft.recording.robots.glimpse import Glimpse, SeenPayload, times_between
-from mapgraft.recording.robots.payloads import Payloads
+from mapgraft.recording.robots.payloads import POSE_TYPES, Payloads
 
 S = 1_000_000_000
 
@@ -46,6 +46,7 @@ class RobotPlan:
     ``range`` is from its first to its last payload by its own clock. With ``anchored`` its map frame begins at its
     first pose. ``poses.method`` is ``none`` for a robot of ready maps that nothing places. ``life`` counts the lives of
     its map frame, and ``follows`` names the one before; ``has_lives`` says that there are several.
+    On the topics of ``sightings`` it tells where others are.
     """
 
     name: str
@@ -66,6 +67,7 @@ class RobotPlan:
     life: int = 1
     follows: str = ""
     has_lives: bool = False
+    sightings: tuple[SightingsConfig, ...] = ()
 
     @property
     def ready_maps(self) -> bool:
@@ -80,6 +82,8 @@ class RobotPlan:
             if poses.method == "tree":
                 topics |= {tf.topic for tf in poses.tree.own}
                 topics |= {poses.topic.topic} if poses.topic is not None and not poses.from_file else set()
+        if any(g.source.path == path for g in self.glimpses):
+            topics |= {told.topic for told in self.sightings}
         if self.corrections is not None and self.corrections.source.path == path:
             topics.add(self.corrections.topic)
         if self.pose_file is not None and self.pose_file.source.path == path and poses.method == "tree":
@@ -138,6 +142,7 @@ def plan_robot(
         source=config.source or found[0].name,
         remarks=(*remarks, *poses.remarks, *times.remarks()),
         corrections=corrections,
+        sightings=_sightings(name, glimpses, config.sightings),
     )
 
 
@@ -157,6 +162,17 @@ def _corrections(name: str, glimpses: Sequence[Glimpse], times: Times, topic: st
             f"{'order' if times.clock == 'index' else 'time of recording'}: leave the corrections out"
         )
     return found
+
+
+def _sightings(name: str, glimpses: Sequence[Glimpse], told: Sequence[SightingsConfig]) -> tuple[SightingsConfig, ...]:
+    """The topics of ``sightings``; raises ConfigError for one that is not there."""
+    there = {c.topic for g in glimpses for c in g.source.channels if c.message_type in POSE_TYPES and c.decodable}
+    for one in told:
+        if one.topic not in there:
+            known = ", ".join(sorted(there)) or "none"
+            where = f"robots.{name}.sightings"
+            raise ConfigError(f"{where}: there is no topic of poses {one.topic!r}: the recording has {known}")
+    return tuple(told)
 
 
 class _Choice(NamedTuple):
