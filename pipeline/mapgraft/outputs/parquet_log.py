@@ -17,12 +17,13 @@ from mapgraft.outputs.claims import claim, clear
 from mapgraft.outputs.provenance import InputFile
 from mapgraft.outputs.staging import SUFFIX, Staging, close_quietly, sha256_of, sync, writing
 from mapgraft.outputs.tables import Row, events_table, metrics_table, recordings_table, rows_table, snapshot_row
-from mapgraft_schemas import arrow_schema, table
+from mapgraft_schemas import Column, arrow_schema, table
 
 WRITTEN = ("events", "metrics", "maps", "recordings", "timings")  # anew by every run; labels are people's
 UNTITLED = ".part-00000.parquet"  # a run's part before it is finished; readers of a data set skip names with a dot
 _BATCH = 1024  # events that wait to become Arrow
 _GROUP_ROWS = 65_536  # rows of one row group, at most
+_GROUP_ROWS_OF = {"examples": 64, "dataset": 64}  # of tables with pictures, of which somebody wants one at once
 _DIGITS = 8  # of one part among few
 _DIGITS_OF_MANY = 32  # of parts that many writers add for ever: no two of other content may have one name
 _GROUP_BYTES = 32 * 2**20  # of Arrow data waiting to become a row group
@@ -41,10 +42,10 @@ class PartWriter:
         name: str,
         run_id: str,
         writer: str = "",
-        group_rows: int = _GROUP_ROWS,
+        group_rows: int | None = None,
         digits: int = _DIGITS,
     ) -> None:
-        self._group_rows, self._digits = group_rows, digits
+        self._group_rows, self._digits = group_rows or _GROUP_ROWS_OF.get(name, _GROUP_ROWS), digits
         self._folder, self._staging = f"{name}/run_id={run_id}", staging
         self._name = f"{self._folder}/{UNTITLED.replace('.parquet', f'{writer}.parquet')}"
         self._waiting: list[pa.Table] = []
@@ -60,7 +61,9 @@ class PartWriter:
                 version="2.6",
                 compression="zstd",
                 compression_level=3,
-                use_dictionary=[c.name for c in table(name).columns if c.type == "dictionary<string>"],
+                use_dictionary=[
+                    _path(c) for c in table(name).columns if c.type in ("dictionary<string>", "list<uint8>")
+                ],
                 write_page_index=True,
                 sorting_columns=[pq.SortingColumn(columns.index(column)) for column in table(name).sorted_by],
             )
@@ -109,6 +112,11 @@ class PartWriter:
         self._writer.write_table(rows, row_group_size=self._group_rows)
         self._waiting.clear()
         self._rows = self._bytes = 0
+
+
+def _path(column: Column) -> str:
+    """Where a column's values are within a file."""
+    return f"{column.name}.list.element" if column.type.startswith("list<") else column.name
 
 
 class ParquetLog:
@@ -172,11 +180,19 @@ def write_rows(out: Path, name: str, run_id: str, rows: pa.Table) -> str:
     to the table's schema and sorted as it says. Raises OutputError when the folder cannot be written, ValueError when
     the rows do not fit the schema.
     """
+    return replace_parts(out, name, run_id, rows, ())
+
+
+def replace_parts(out: Path, name: str, run_id: str, rows: pa.Table, gone: Sequence[str]) -> str:
+    """As ``write_rows``, and the parts ``gone`` (relative names) go as the new one comes, all of it or nothing.
+
+    Where parts go the caller must hold the lock of the folder.
+    """
     keys = [(column, "ascending") for column in table(name).sorted_by]
     fitting = rows.cast(arrow_schema(name)).sort_by(keys)
     with writing(out):
         clear(rests_of(out, name, run_id))
-        while (written := _written(Staging(out), name, run_id, fitting)) is None:
+        while (written := _written(Staging(out), name, run_id, fitting, gone)) is None:
             continue
         return written
 
@@ -186,7 +202,7 @@ def rests_of(out: Path, name: str, run_id: str = "*") -> list[Path]:
     return sorted((out / name).glob(f"run_id={run_id}/{UNTITLED.replace('.parquet', '-*.parquet')}{SUFFIX}"))
 
 
-def _written(staging: Staging, name: str, run_id: str, rows: pa.Table) -> str | None:
+def _written(staging: Staging, name: str, run_id: str, rows: pa.Table, gone: Sequence[str]) -> str | None:
     """The name of a part with these rows; None where somebody took it for a rest before it was claimed."""
     held, part = None, PartWriter(staging, name, run_id, writer=f"-{uuid4().hex}", digits=_DIGITS_OF_MANY)
     try:
@@ -196,7 +212,7 @@ def _written(staging: Staging, name: str, run_id: str, rows: pa.Table) -> str | 
             return None
         part.append(rows)
         part.close()
-        return staging.publish()[0]
+        return staging.publish({*gone} - {*staging.names})[0]
     except BaseException:
         part.abandon()
         staging.remove()

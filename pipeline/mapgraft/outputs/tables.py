@@ -94,7 +94,7 @@ def _array(values: Sequence[Any], type_text: str) -> pa.Array:
         return pa.array(values, pa.int64()).cast(arrow_type)
     if type_text.startswith("fixed_size_list"):
         return _fixed_size_lists(values, arrow_type)
-    if type_text.startswith("list<struct"):
+    if type_text.startswith("list<struct<name: ") and all(isinstance(value, Mapping) for value in values):
         return _lists_of_pairs(values, arrow_type)
     return pa.array(values, arrow_type)
 
