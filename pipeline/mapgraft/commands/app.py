@@ -153,6 +153,23 @@ def report(
 
 
 @app.command()
+def annotate(
+    folders: Annotated[list[Path], typer.Argument(metavar="OUT…", help="Folders of runs, evaluations, datasets.")],
+    name: Annotated[str | None, typer.Option(help="Who annotates; else the page asks.")] = None,
+    host: Annotated[
+        str, typer.Option(help="The address to listen on; other machines reach all but this.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="The port to listen on; 0 takes a free one.")] = 0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
+    debug: Debug = False,
+) -> None:
+    """Say in the browser which merges are right: a page of this machine, until Ctrl-C; answers are kept in OUT."""
+    from mapgraft.commands.annotate import Asked, annotate_and_wait
+
+    annotate_and_wait(folders, Asked(name, host, port, browser))
+
+
+@app.command()
 def convert(
     source: Annotated[list[Path], typer.Argument(help="CARMEN logs, ROS 1 bags, ROS 2 bags.")],
     out: Annotated[Path, typer.Argument(help="The MCAP file to write.")],

@@ -1,0 +1,201 @@
+"""The examples of all folders that were opened, by number; nobody outside says paths or names."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from datetime import datetime
+from functools import lru_cache
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from mapgraft.annotate.shown import Outcome, Place, Shown, Which
+from mapgraft.annotate.telling import OUTCOME, SHOWN, outcome_of, shown_of
+from mapgraft.annotate.uncertainty import COLUMNS, uncertainty
+from mapgraft.contracts import Transform
+from mapgraft.errors import MapError, OutputError, TransformError, UsageError
+from mapgraft.examples import ExampleFolder, ExampleKey, put_at, transform_of
+from mapgraft.outputs.labels import Verdict, label
+from mapgraft.outputs.provenance import is_run_id
+from mapgraft.persons import SAME_PLACE_M, SAME_TURN_RAD
+
+LISTED: Final = ("run_id", "environment", "truth", "T_receiver_donor", "own_px_m", "donor_px_m")
+ROBOTS: Final = ("receiver", "donor")
+TRUTHS: Final = ("right", "wrong")
+PICTURE_BYTES: Final = 4 * 2**20
+PICTURE_PX: Final = 4_096  # of a side
+REMEMBERED: Final = 256  # examples, and half as many pictures
+_PNG: Final = struct.Struct(">8s4x4sII")
+
+
+class Opened:
+    """What was opened. An example has a number ``n``, which it keeps as long as the server runs.
+
+    ``keys``, ``environments``, ``truth`` and ``uncertainty`` have one entry per example. Examples without pictures of
+    both maps are not among them, nor those of an earlier folder, nor those whose run has a name that no run has:
+    ``left_out`` says how many, and why.
+    """
+
+    def __init__(self, folders: Sequence[ExampleFolder]) -> None:
+        self.paths = [folder.path for folder in folders]
+        self.left_out: dict[str, int] = {}
+        self._folders = folders
+        self._numbers: dict[ExampleKey, int] = {}
+        self._in: list[int] = []
+        self._T: list[Transform | None] = []
+        self.environments: list[str] = []
+        self.truth: list[str | None] = []
+        self.uncertainty = np.concatenate([self._list(number) for number in range(len(folders))] or [np.empty(0)])
+        self.keys: Sequence[ExampleKey] = tuple(self._numbers)
+        self.shown = lru_cache(REMEMBERED)(self._shown)
+        self.picture = lru_cache(REMEMBERED // 2)(self._picture)
+        if not self.keys:
+            said = "; ".join(f"{count} {why}" for why, count in self.left_out.items()) or "there is none at all"
+            raise UsageError(f"there is no example to judge in {', '.join(map(str, self.paths))}: {said}")
+
+    def __len__(self) -> int:
+        return len(self._in)
+
+    @property
+    def places(self) -> list[tuple[Path, str]]:
+        """Every folder with every run that it has examples of: where words may lie."""
+        return sorted({(self.paths[at], key.run_id) for at, key in zip(self._in, self.keys, strict=True)})
+
+    def number(self, run_id: str, example_id: str) -> int | None:
+        """The number of an example; None for one that was not opened."""
+        return self._numbers.get(ExampleKey(run_id, example_id))
+
+    def has_place(self, n: int) -> bool:
+        """Whether the robot had found a transform, which is to be judged."""
+        return self._T[n] is not None
+
+    def is_about(self, n: int, T_judged: Transform | None) -> bool:
+        """Whether a word that judged this transform is about the example; ids belong to others when a run is made anew.
+
+        True where either is not known.
+        """
+        T = self._T[n]
+        if T is None or T_judged is None:
+            return True
+        shift_m, turn_rad = T.difference(T_judged)
+        return shift_m <= SAME_PLACE_M and turn_rad <= SAME_TURN_RAD
+
+    def moved(self, n: int, T_held: Transform | None) -> Place | None:
+        """Where somebody put the donor's map, None where they left it."""
+        T = self._T[n]
+        if T_held is None or (T is not None and np.array_equal(T.matrix, T_held.matrix)):
+            return None
+        return Place(T_held.x_m, T_held.y_m, T_held.yaw_rad)
+
+    def outcome(self, n: int) -> Outcome:
+        """What the robot made of an example."""
+        return outcome_of(self._folder(n).row(self.keys[n], OUTCOME))
+
+    def write(
+        self,
+        n: int,
+        annotator: str,
+        said: Verdict,
+        reason: str = "",
+        place: Place | None = None,
+        elapsed_s: float | None = None,
+        clock: datetime | None = None,
+    ) -> None:
+        """Write a word down, beside the example; it is on disk when this returns. Raises OutputError."""
+        key, T = self.keys[n], self._T[n]
+        folder = self._folder(n)
+        robots = folder.row(key, ROBOTS)
+        _require_within(folder.path, key.run_id)
+        label(
+            folder.path,
+            key.run_id,
+            merge_id=key.example_id,
+            receiver=robots["receiver"],
+            donor=robots["donor"],
+            verdict=said,
+            by=annotator,
+            reason=reason,
+            T_receiver_donor=T,
+            T_corrected=None if place is None else put_at(T, place.x_m, place.y_m, place.yaw_rad),
+            elapsed_s=elapsed_s,
+            clock=clock,
+        )
+
+    def _folder(self, n: int) -> ExampleFolder:
+        return self._folders[self._in[n]]
+
+    def _shown(self, n: int) -> Shown:
+        return shown_of(n, self._folder(n).row(self.keys[n], SHOWN))
+
+    def _picture(self, n: int, which: Which) -> bytes:
+        return checked_picture(self._folder(n).picture(self.keys[n], which))
+
+    def _list(self, number: int) -> NDArray[np.float64]:
+        """Take the examples of one folder in; how uncertain each is."""
+        folder = self._folders[number]
+        rows = folder.rows([*LISTED, *COLUMNS])
+        pictured = np.isfinite(_numbers(rows["own_px_m"])) & np.isfinite(_numbers(rows["donor_px_m"]))
+        kept = []
+        columns = (rows[name].to_pylist() for name in ("environment", "truth", "T_receiver_donor"))
+        for at, (key, *row) in enumerate(zip(folder.keys, *columns, strict=True)):
+            if (why := self._left_out(key, bool(pictured[at]))) is not None:
+                self.left_out[why] = self.left_out.get(why, 0) + 1
+                continue
+            kept.append(at)
+            self._take(number, key, *row)
+        found: NDArray[np.float64] = uncertainty(rows)[kept]
+        return found
+
+    def _left_out(self, key: ExampleKey, pictured: bool) -> str | None:
+        if not pictured:
+            return "without pictures of both maps"
+        if not is_run_id(key.run_id):
+            return "of a run whose name is none"
+        return "in an earlier folder, too" if key in self._numbers else None
+
+    def _take(self, folder: int, key: ExampleKey, environment: str, truth: str | None, T: Sequence[float]) -> None:
+        self._numbers[key] = len(self._in)
+        self._in.append(folder)
+        self.environments.append(environment or "")
+        self.truth.append(truth if truth in TRUTHS else None)
+        try:
+            self._T.append(transform_of(T))
+        except TransformError:  # a stranger's numbers
+            self._T.append(None)
+
+
+def open_folders(paths: Sequence[Path]) -> Opened:
+    """The examples of these folders; raises UsageError, with the folder's name, for one that has none."""
+    distinct = {path.resolve(): path for path in reversed(paths)}
+    for path in paths:
+        if not path.is_dir():
+            raise UsageError(f"{path} is no folder: name the folder of a run, an evaluation or a dataset")
+    return Opened([ExampleFolder(path) for path in reversed(distinct.values())])
+
+
+def checked_picture(data: bytes | None) -> bytes:
+    """A picture that a browser may be given; raises MapError for what is no PNG, or a huge one."""
+    if data is None or len(data) < _PNG.size:
+        raise MapError("the example has no such picture")
+    magic, kind, width, height = _PNG.unpack_from(data)
+    if magic != b"\x89PNG\r\n\x1a\n" or kind != b"IHDR":
+        raise MapError("the example's picture is no PNG")
+    if len(data) > PICTURE_BYTES or max(width, height) > PICTURE_PX:
+        raise MapError(f"the example's picture is too large: {width} × {height} pixels, {len(data)} bytes")
+    return data
+
+
+def _require_within(out: Path, run_id: str) -> None:
+    """Raises OutputError where the labels of a run would not lie in the folder that was opened."""
+    folder = out / "labels" / f"run_id={run_id}"
+    for path in (folder, folder.parent):
+        if path.is_symlink():
+            raise OutputError(f"{path} leads out of the folder that was opened: put a folder in its place")
+
+
+def _numbers(column: pa.ChunkedArray) -> NDArray[np.float64]:
+    return np.asarray(column.to_numpy(), np.float64)

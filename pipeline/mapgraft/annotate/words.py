@@ -1,0 +1,110 @@
+"""What annotators have said of the opened examples, as it stands on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final, get_args
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from mapgraft.annotate.agreement import Codes
+from mapgraft.annotate.opened import Opened
+from mapgraft.annotate.shown import Said, Word
+from mapgraft.contracts import Transform
+from mapgraft.errors import TransformError
+from mapgraft.examples import transform_of
+from mapgraft.outputs.label_parts import LabelParts
+from mapgraft.outputs.labels import NOBODY_NAMED
+
+CODES: Final[dict[Said, int]] = {said: code for code, said in enumerate(get_args(Said), 1)}  # 0 is nothing
+Counts = NDArray[np.int64]  # (n,) of annotators
+COLUMNS: Final = ("merge_id", "label", "annotator", "T_receiver_donor_judged", "T_receiver_donor", "comment")
+
+
+class Words:
+    """The last word of every annotator on every example, read from the folders' ``labels/`` and kept up to date.
+
+    ``codes`` is annotator → (n,) what they said, by ``CODES``. ``right``, ``wrong`` and ``unsure`` (n,) count the
+    annotators.
+    """
+
+    def __init__(self, opened: Opened) -> None:
+        self._opened = opened
+        self._parts = [LabelParts(path) for path in opened.paths]
+        self._words: dict[str, dict[int, tuple[int, Word | None]]] = {}
+        self._counts: Counts = np.zeros((1 + len(CODES), len(opened)), np.int64)
+        self.codes: dict[str, Codes] = {}
+        self._newest_ns: dict[str, int] = {}
+
+    @property
+    def right(self) -> Counts:
+        return self._of("right")
+
+    @property
+    def wrong(self) -> Counts:
+        return self._of("wrong")
+
+    @property
+    def unsure(self) -> Counts:
+        return self._of("unsure")
+
+    @property
+    def count(self) -> Counts:
+        """How many annotators have said something of each example, (n,)."""
+        total: Counts = self._counts[1:].sum(axis=0)
+        return total
+
+    def refresh(self) -> None:
+        """Take in what was written since, also by others."""
+        for parts in self._parts:
+            for run_id, rows in parts.new():
+                self._take(run_id, rows)
+
+    def word(self, n: int, annotator: str) -> Word | None:
+        """What somebody said last of an example; None where that is nothing or was withdrawn."""
+        return self._words.get(annotator, {}).get(n, (0, None))[1]
+
+    def newest_ns(self, annotator: str) -> int:
+        """When somebody said something last, or withdrew it; nanoseconds since 1970, 0 for never."""
+        return self._newest_ns.get(annotator, 0)
+
+    def last(self, annotator: str) -> Word | None:
+        """What somebody said last of all that still stands."""
+        standing = [word for _, word in self._words.get(annotator, {}).values() if word is not None]
+        return max(standing, key=lambda word: word.at_ns, default=None)
+
+    def _of(self, said: Said) -> Counts:
+        counted: Counts = self._counts[CODES[said]]
+        return counted
+
+    def _take(self, run_id: str, rows: pa.Table) -> None:
+        stamps = rows["labelled_at"].cast(pa.int64()).to_pylist()
+        for row, at_ns in zip(rows.select(COLUMNS).to_pylist(), stamps, strict=True):
+            n = self._opened.number(run_id, row["merge_id"])
+            if n is not None and self._opened.is_about(n, _transform(row["T_receiver_donor_judged"])):
+                self._put(n, row, at_ns or 0)
+
+    def _put(self, n: int, row: dict[str, Any], at_ns: int) -> None:
+        annotator, said = row["annotator"] or NOBODY_NAMED, row["label"]
+        words = self._words.setdefault(annotator, {})
+        if n in words and words[n][0] > at_ns:
+            return
+        self._newest_ns[annotator] = max(self._newest_ns.get(annotator, 0), at_ns)
+        codes = self.codes.setdefault(annotator, np.zeros(len(self._opened), np.int8))
+        place = self._opened.moved(n, _transform(row["T_receiver_donor"]))
+        word = Word(n, annotator, said, row["comment"] or "", place, at_ns) if said in CODES else None
+        words[n] = (at_ns, word)
+        code = CODES.get(said, 0)
+        self._counts[codes[n], n] -= 1
+        self._counts[code, n] += 1
+        codes[n] = code
+
+
+def _transform(flat: Sequence[float] | None) -> Transform | None:
+    """A transform that somebody wrote down; None where there is none."""
+    try:
+        return transform_of(flat)
+    except TransformError:
+        return None

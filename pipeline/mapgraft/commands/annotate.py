@@ -1,0 +1,85 @@
+"""``mapgraft annotate``: a page in the browser on which people say whether merges are right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from mapgraft.console import cell, remarks, results
+from mapgraft.errors import UsageError
+
+if TYPE_CHECKING:
+    from mapgraft.annotate.desk import Desk
+
+NEEDED: Final = ("fastapi", "uvicorn")
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """Who annotates, if that is said beforehand, and where the page is to be reached; port 0 is any free one."""
+
+    name: str | None
+    host: str
+    port: int
+    browser: bool
+
+
+def annotate_and_wait(folders: Sequence[Path], asked: Asked) -> None:
+    """Open folders, say where the page is, and serve it until Ctrl-C.
+
+    Raises UsageError when the extra is not installed, when a folder holds no examples, when the name will not do, and
+    when the port cannot be had.
+    """
+    missing = [module for module in NEEDED if find_spec(module) is None]
+    if missing:
+        raise UsageError(f"annotate needs {' and '.join(missing)}: pip install 'mapgraft[annotate]'")
+    from mapgraft.annotate.app import application
+    from mapgraft.annotate.desk import Desk, checked_name
+    from mapgraft.annotate.opened import open_folders
+    from mapgraft.annotate.security import new_token
+    from mapgraft.annotate.serving import address_of, browsing, doors_of, is_local, listen, serve
+
+    name = None if asked.name is None else _named(asked.name, checked_name)
+    desk = Desk(open_folders(folders))
+    listening = listen(asked.host, asked.port)
+    token = new_token()
+    address = address_of(listening, token)
+    _tell(desk, address)
+    if not is_local(listening):
+        _warn(asked.host)
+    with browsing(address, asked.browser):
+        serve(application(desk, token, doors_of(asked.host, listening), name), listening)
+    desk.tidy()
+    results().print(cell(f"{_answers(desk.given)} written down; the same command goes on where this one stopped"))
+
+
+def _named(name: str, check: Callable[[str], str]) -> str:
+    try:
+        return check(name)
+    except ValueError as error:
+        raise UsageError(f"--name {name!r} will not do: {error}") from None
+
+
+def _tell(desk: Desk, address: str) -> None:
+    """What was opened goes beside the address, which is the one line on stdout until the end."""
+    said = remarks()
+    for count, why in desk.left_out:
+        said.print(cell(f"{count} left out: {why}"))
+    said.print(cell(f"{len(desk)} to judge; every answer is saved at once. Ctrl-C ends. Open, in a browser here:"))
+    results().print(cell(address), soft_wrap=True)
+
+
+def _warn(host: str) -> None:
+    remarks().print(
+        cell(
+            f"--host {host}: other machines reach this page. Whoever has the address can answer and see all maps, and "
+            "whoever is on the way can read it: nothing is encrypted. Better: leave --host out and use 'ssh -L'."
+        )
+    )
+
+
+def _answers(count: int) -> str:
+    return "no answer was" if count == 0 else "1 answer was" if count == 1 else f"{count} answers were"
