@@ -46,10 +46,11 @@ class Opened:
         self._folders = folders
         self._numbers: dict[ExampleKey, int] = {}
         self._in: list[int] = []
-        self._T: list[Transform | None] = []
         self.environments: list[str] = []
         self.truth: list[str | None] = []
-        self.uncertainty = np.concatenate([self._list(number) for number in range(len(folders))] or [np.empty(0)])
+        listed = [self._list(number) for number in range(len(folders))]
+        self.uncertainty = np.concatenate([uncertain for uncertain, _ in listed])
+        self._T = np.concatenate([T for _, T in listed])
         self.keys: Sequence[ExampleKey] = tuple(self._numbers)
         self.shown = lru_cache(REMEMBERED)(self._shown)
         self.picture = lru_cache(REMEMBERED // 2)(self._picture)
@@ -71,14 +72,14 @@ class Opened:
 
     def has_place(self, n: int) -> bool:
         """Whether the robot had found a transform, which is to be judged."""
-        return self._T[n] is not None
+        return bool(np.isfinite(self._T[n]).all())
 
     def is_about(self, n: int, T_judged: Transform | None) -> bool:
         """Whether a word that judged this transform is about the example; ids belong to others when a run is made anew.
 
         True where either is not known.
         """
-        T = self._T[n]
+        T = self._judged(n)
         if T is None or T_judged is None:
             return True
         shift_m, turn_rad = T.difference(T_judged)
@@ -86,7 +87,7 @@ class Opened:
 
     def moved(self, n: int, T_held: Transform | None) -> Place | None:
         """Where somebody put the donor's map, None where they left it."""
-        T = self._T[n]
+        T = self._judged(n)
         if T_held is None or (T is not None and np.array_equal(T.matrix, T_held.matrix)):
             return None
         return Place(T_held.x_m, T_held.y_m, T_held.yaw_rad)
@@ -106,7 +107,7 @@ class Opened:
         clock: datetime | None = None,
     ) -> None:
         """Write a word down, beside the example; it is on disk when this returns. Raises OutputError."""
-        key, T = self.keys[n], self._T[n]
+        key, T = self.keys[n], self._judged(n)
         folder = self._folder(n)
         robots = folder.row(key, ROBOTS)
         _require_within(folder.path, key.run_id)
@@ -125,6 +126,12 @@ class Opened:
             clock=clock,
         )
 
+    def _judged(self, n: int) -> Transform | None:
+        try:
+            return transform_of(self._T[n])
+        except TransformError:  # a stranger's numbers
+            return None
+
     def _folder(self, n: int) -> ExampleFolder:
         return self._folders[self._in[n]]
 
@@ -134,21 +141,21 @@ class Opened:
     def _picture(self, n: int, which: Which) -> bytes:
         return checked_picture(self._folder(n).picture(self.keys[n], which))
 
-    def _list(self, number: int) -> NDArray[np.float64]:
-        """Take the examples of one folder in; how uncertain each is."""
+    def _list(self, number: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Take the examples of one folder in; how uncertain each is (n,), and T_receiver_donor (n, 16), row-major."""
         folder = self._folders[number]
         rows = folder.rows([*LISTED, *COLUMNS])
         pictured = np.isfinite(_numbers(rows["own_px_m"])) & np.isfinite(_numbers(rows["donor_px_m"]))
         kept = []
-        columns = (rows[name].to_pylist() for name in ("environment", "truth", "T_receiver_donor"))
+        columns = (rows[name].to_pylist() for name in ("environment", "truth"))
         for at, (key, *row) in enumerate(zip(folder.keys, *columns, strict=True)):
             if (why := self._left_out(key, bool(pictured[at]))) is not None:
                 self.left_out[why] = self.left_out.get(why, 0) + 1
                 continue
             kept.append(at)
             self._take(number, key, *row)
-        found: NDArray[np.float64] = uncertainty(rows)[kept]
-        return found
+        T = np.reshape(_numbers(rows["T_receiver_donor"].combine_chunks().flatten()), (-1, 16))
+        return uncertainty(rows)[kept], T[kept]
 
     def _left_out(self, key: ExampleKey, pictured: bool) -> str | None:
         if not pictured:
@@ -157,15 +164,11 @@ class Opened:
             return "of a run whose name is none"
         return "in an earlier folder, too" if key in self._numbers else None
 
-    def _take(self, folder: int, key: ExampleKey, environment: str, truth: str | None, T: Sequence[float]) -> None:
+    def _take(self, folder: int, key: ExampleKey, environment: str | None, truth: str | None) -> None:
         self._numbers[key] = len(self._in)
         self._in.append(folder)
         self.environments.append(environment or "")
         self.truth.append(truth if truth in TRUTHS else None)
-        try:
-            self._T.append(transform_of(T))
-        except TransformError:  # a stranger's numbers
-            self._T.append(None)
 
 
 def open_folders(paths: Sequence[Path]) -> Opened:
@@ -197,5 +200,5 @@ def _require_within(out: Path, run_id: str) -> None:
             raise OutputError(f"{path} leads out of the folder that was opened: put a folder in its place")
 
 
-def _numbers(column: pa.ChunkedArray) -> NDArray[np.float64]:
+def _numbers(column: pa.Array | pa.ChunkedArray) -> NDArray[np.float64]:
     return np.asarray(column.to_numpy(), np.float64)

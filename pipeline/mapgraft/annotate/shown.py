@@ -38,7 +38,7 @@ class Shown:
     """An example as it is shown to somebody who has not judged it: nothing tells what the robot made of it.
 
     ``n`` is its number among the opened examples, ``own`` the receiver's map and ``other`` the donor's. ``place`` is
-    the hypothesis to be judged, None where the robot found no transform; ``others`` are further ones in an order that tells
+    the hypothesis to be judged, None where the robot found none; ``others`` are further ones in an order that tells
     nothing. ``compared_type`` is the map type in which the two meet, empty where they do not. ``step_m`` is the finer
     map's resolution: what one press of an arrow key moves.
     """
