@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from typing import Annotated, Any, Final
 from urllib.parse import parse_qsl, quote, unquote
 
 from fastapi import Cookie, Depends, FastAPI, HTTPException, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.background import BackgroundTask
 from starlette.exceptions import HTTPException as HTTPError
 
 from mapgraft.annotate.desk import Answer, Desk, checked_name
@@ -21,10 +23,19 @@ COOKIE: Final = "annotator"
 FIELDS: Final = 16  # of a form, at most
 
 
-def application(desk: Desk, token: str, doors: Doors, name: str | None = None) -> App:
-    """The server as an ASGI application; ``name`` is the annotator where a browser has not said another."""
+def _ignore(error: Exception) -> None:
+    pass
+
+
+def application(
+    desk: Desk, token: str, doors: Doors, name: str | None = None, told: Callable[[Exception], None] = _ignore
+) -> App:
+    """The server as an ASGI application; ``name`` is the annotator where a browser has not said another.
+
+    ``told`` is given errors that nobody has foreseen.
+    """
     routes = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, redirect_slashes=False)
-    _add_errors(routes)
+    _add_errors(routes, told)
     _add_static(routes)
     _add_pages(routes, desk, f"/{token}", name)
     _add_answers(routes, desk, f"/{token}", name)
@@ -82,6 +93,7 @@ def _add_answers(routes: FastAPI, desk: Desk, base: str, default: str | None) ->
         desk.say(_existing(desk, n), annotator, answer)
         shown = _shown(desk, base, annotator, desk.next(annotator))
         shown.headers["hx-trigger"] = json.dumps({"answered": {"n": n}})
+        shown.background = BackgroundTask(desk.tidy_after, n)
         return shown
 
     @routes.post("/skip/{n:int}")
@@ -109,7 +121,7 @@ def _add_static(routes: FastAPI) -> None:
         return Response(content, media_type=media_type)
 
 
-def _add_errors(routes: FastAPI) -> None:
+def _add_errors(routes: FastAPI, told: Callable[[Exception], None]) -> None:
     """Every refusal is one plain sentence, in which nothing of the request comes back."""
 
     @routes.exception_handler(HTTPError)
@@ -120,6 +132,11 @@ def _add_errors(routes: FastAPI) -> None:
     @routes.exception_handler(MapgraftError)
     def failed(_request: Request, error: MapgraftError) -> Response:
         return PlainTextResponse(f"{error}\n", 503)
+
+    @routes.exception_handler(Exception)
+    def unforeseen(_request: Request, error: Exception) -> Response:
+        told(error)
+        return PlainTextResponse("something has gone wrong here; the terminal tells what\n", 500)
 
     @routes.exception_handler(RequestValidationError)
     def misread(_request: Request, _error: RequestValidationError) -> Response:

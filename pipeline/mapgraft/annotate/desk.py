@@ -13,12 +13,11 @@ from typing import Final, Self, get_args
 import numpy as np
 
 from mapgraft.annotate.agreement import agreements, mean_kappa
-from mapgraft.annotate.opened import Opened
+from mapgraft.annotate.opened import UNREADABLE, Opened
 from mapgraft.annotate.queue import Queue
 from mapgraft.annotate.shown import Outcome, Place, Progress, Said, Shown, Which, Word
 from mapgraft.annotate.words import CODES, Words
-from mapgraft.errors import MapgraftError
-from mapgraft.outputs.label_parts import gather
+from mapgraft.outputs.label_parts import MANY, gather
 from mapgraft.pages import readable
 
 NAME_CHARACTERS: Final = 64
@@ -65,7 +64,6 @@ class Desk:
         self._skipped: dict[str, list[int]] = {}
         self._lock = RLock()
         self.given = 0
-        self.unreadable: dict[int, str] = {}
 
     def __len__(self) -> int:
         return len(self._opened)
@@ -162,10 +160,10 @@ class Desk:
             mine = {word: int((own == code).sum()) for word, code in CODES.items()}
             return Progress(annotator, answered, len(self), labelled, mine, said, pairs, mean_kappa(pairs))
 
-    def tidy(self) -> None:
-        """Put words that lie in many small files together; nobody has to wait for it."""
-        for path, run_id in self._opened.places:
-            gather(path, run_id)
+    def tidy_after(self, n: int) -> None:
+        """Now and then put words together, of the run whose example has just been judged; nobody has to wait for it."""
+        if self.given % MANY == 0:
+            gather(*self._opened.place_of(n))
 
     def _readable_one(self, annotator: str) -> int | None:
         """The next example of those that can be read."""
@@ -176,9 +174,8 @@ class Desk:
             try:
                 self.shown(n)
                 return n
-            except (MapgraftError, OSError, ValueError) as error:  # pa.ArrowInvalid is a ValueError: a damaged file
+            except UNREADABLE:
                 self._queue.leave_out(n)
-                self.unreadable[n] = str(error)
 
     def _others(self, annotator: str) -> list[int]:
         """What others are looking at."""

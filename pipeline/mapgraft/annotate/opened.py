@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
@@ -17,8 +17,9 @@ from mapgraft.annotate.shown import Outcome, Place, Shown, Which
 from mapgraft.annotate.telling import OUTCOME, SHOWN, outcome_of, shown_of
 from mapgraft.annotate.uncertainty import COLUMNS, uncertainty
 from mapgraft.contracts import Transform
-from mapgraft.errors import MapError, OutputError, TransformError, UsageError
-from mapgraft.examples import ExampleFolder, ExampleKey, put_at, transform_of
+from mapgraft.errors import MapError, MapgraftError, OutputError, TransformError, UsageError
+from mapgraft.examples import ExampleFolder, ExampleKey, Word, published_words, put_at, transform_of
+from mapgraft.outputs.label_parts import gather
 from mapgraft.outputs.labels import Verdict, label
 from mapgraft.outputs.provenance import is_run_id
 from mapgraft.persons import SAME_PLACE_M, SAME_TURN_RAD
@@ -29,6 +30,7 @@ TRUTHS: Final = ("right", "wrong")
 PICTURE_BYTES: Final = 4 * 2**20
 PICTURE_PX: Final = 4_096  # of a side
 REMEMBERED: Final = 256  # examples, and half as many pictures
+UNREADABLE: Final = (MapgraftError, OSError, ValueError, TypeError, LookupError, MemoryError, pa.ArrowException)
 _PNG: Final = struct.Struct(">8s4x4sII")
 
 
@@ -61,14 +63,23 @@ class Opened:
     def __len__(self) -> int:
         return len(self._in)
 
-    @property
-    def places(self) -> list[tuple[Path, str]]:
-        """Every folder with every run that it has examples of: where words may lie."""
-        return sorted({(self.paths[at], key.run_id) for at, key in zip(self._in, self.keys, strict=True)})
+    def tidy(self) -> None:
+        """Put words that lie in many small files together."""
+        for path, run_id in sorted({self.place_of(n) for n in range(len(self))}):
+            gather(path, run_id)
+
+    def place_of(self, n: int) -> tuple[Path, str]:
+        """The folder of an example, and its run."""
+        return self.paths[self._in[n]], self.keys[n].run_id
 
     def number(self, run_id: str, example_id: str) -> int | None:
         """The number of an example; None for one that was not opened."""
         return self._numbers.get(ExampleKey(run_id, example_id))
+
+    def published(self) -> Iterator[Word]:
+        """The words that came with a dataset."""
+        for folder in self._folders:
+            yield from published_words(folder)
 
     def has_place(self, n: int) -> bool:
         """Whether the robot had found a transform, which is to be judged."""
@@ -177,7 +188,14 @@ def open_folders(paths: Sequence[Path]) -> Opened:
     for path in paths:
         if not path.is_dir():
             raise UsageError(f"{path} is no folder: name the folder of a run, an evaluation or a dataset")
-    return Opened([ExampleFolder(path) for path in reversed(distinct.values())])
+    try:
+        return Opened([ExampleFolder(path) for path in reversed(distinct.values())])
+    except MapgraftError:
+        raise
+    except UNREADABLE as error:
+        raise UsageError(
+            f"the examples in {', '.join(map(str, paths))} are none that mapgraft wrote ({error}): make them again"
+        ) from error
 
 
 def checked_picture(data: bytes | None) -> bytes:

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final, get_args
+from typing import Final, get_args
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from mapgraft import examples
 from mapgraft.annotate.agreement import Codes
 from mapgraft.annotate.opened import Opened
 from mapgraft.annotate.shown import Said, Word
 from mapgraft.contracts import Transform
 from mapgraft.errors import TransformError
-from mapgraft.examples import transform_of
+from mapgraft.examples import ExampleKey, transform_of
 from mapgraft.outputs.label_parts import LabelParts
 from mapgraft.outputs.labels import NOBODY_NAMED
 
 CODES: Final[dict[Said, int]] = {said: code for code, said in enumerate(get_args(Said), 1)}  # 0 is nothing
 Counts = NDArray[np.int64]  # (n,) of annotators
+MOST_ANNOTATORS: Final = 1_000  # whose words are kept; a byte each per example
 COLUMNS: Final = ("merge_id", "label", "annotator", "T_receiver_donor_judged", "T_receiver_donor", "comment")
 
 
@@ -37,6 +39,8 @@ class Words:
         self._counts: Counts = np.zeros((1 + len(CODES), len(opened)), np.int64)
         self.codes: dict[str, Codes] = {}
         self._newest_ns: dict[str, int] = {}
+        for word in opened.published():
+            self._put(word)
 
     @property
     def right(self) -> Counts:
@@ -82,21 +86,26 @@ class Words:
     def _take(self, run_id: str, rows: pa.Table) -> None:
         stamps = rows["labelled_at"].cast(pa.int64()).to_pylist()
         for row, at_ns in zip(rows.select(COLUMNS).to_pylist(), stamps, strict=True):
-            n = self._opened.number(run_id, row["merge_id"])
-            if n is not None and self._opened.is_about(n, _transform(row["T_receiver_donor_judged"])):
-                self._put(n, row, at_ns or 0)
+            key = ExampleKey(run_id, row["merge_id"])
+            judged, held = (_transform(row[name]) for name in ("T_receiver_donor_judged", "T_receiver_donor"))
+            who = row["annotator"] or NOBODY_NAMED
+            self._put(examples.Word(key, row["label"], who, judged, held, row["comment"] or "", at_ns or 0, None))
 
-    def _put(self, n: int, row: dict[str, Any], at_ns: int) -> None:
-        annotator, said = row["annotator"] or NOBODY_NAMED, row["label"]
+    def _put(self, found: examples.Word) -> None:
+        n, annotator, at_ns = self._opened.number(*found.key), found.annotator, found.said_ns
+        if n is None or not self._opened.is_about(n, found.T_judged):
+            return
+        if annotator not in self._words and len(self._words) >= MOST_ANNOTATORS:
+            return
         words = self._words.setdefault(annotator, {})
         if n in words and words[n][0] > at_ns:
             return
         self._newest_ns[annotator] = max(self._newest_ns.get(annotator, 0), at_ns)
         codes = self.codes.setdefault(annotator, np.zeros(len(self._opened), np.int8))
-        place = self._opened.moved(n, _transform(row["T_receiver_donor"]))
-        word = Word(n, annotator, said, row["comment"] or "", place, at_ns) if said in CODES else None
-        words[n] = (at_ns, word)
-        code = CODES.get(said, 0)
+        said = next((said for said in CODES if said == found.label), None)  # None: withdrawn
+        code = 0 if said is None else CODES[said]
+        place = self._opened.moved(n, found.T_receiver_donor)
+        words[n] = at_ns, None if said is None else Word(n, annotator, said, found.comment, place, at_ns)
         self._counts[codes[n], n] -= 1
         self._counts[code, n] += 1
         codes[n] = code

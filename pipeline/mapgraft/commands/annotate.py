@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -19,12 +21,16 @@ NEEDED: Final = ("fastapi", "uvicorn")
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """Who annotates, if that is said beforehand, and where the page is to be reached; port 0 is any free one."""
+    """Who annotates, if that is said beforehand, and where the page is to be reached; port 0 is any free one.
+
+    ``tracebacks`` shows where internal errors come from.
+    """
 
     name: str | None
     host: str
     port: int
     browser: bool
+    tracebacks: bool
 
 
 def annotate_and_wait(folders: Sequence[Path], asked: Asked) -> None:
@@ -43,7 +49,9 @@ def annotate_and_wait(folders: Sequence[Path], asked: Asked) -> None:
     from mapgraft.annotate.serving import address_of, browsing, doors_of, is_local, listen, serve
 
     name = None if asked.name is None else _named(asked.name, checked_name)
-    desk = Desk(open_folders(folders))
+    opened = open_folders(folders)
+    opened.tidy()
+    desk = Desk(opened)
     listening = listen(asked.host, asked.port)
     token = new_token()
     address = address_of(listening, token)
@@ -51,8 +59,11 @@ def annotate_and_wait(folders: Sequence[Path], asked: Asked) -> None:
     if not is_local(listening):
         _warn(asked.host)
     with browsing(address, asked.browser):
-        serve(application(desk, token, doors_of(asked.host, listening), name), listening)
-    desk.tidy()
+        serve(
+            application(desk, token, doors_of(asked.host, listening), name, partial(_tell_error, asked.tracebacks)),
+            listening,
+        )
+    opened.tidy()
     results().print(cell(f"{_answers(desk.given)} written down; the same command goes on where this one stopped"))
 
 
@@ -70,6 +81,12 @@ def _tell(desk: Desk, address: str) -> None:
         said.print(cell(f"{count} left out: {why}"))
     said.print(cell(f"{len(desk)} to judge; every answer is saved at once. Ctrl-C ends. Open, in a browser here:"))
     results().print(cell(address), soft_wrap=True)
+
+
+def _tell_error(tracebacks: bool, error: Exception) -> None:
+    remarks().print(cell(f"internal error, {type(error).__name__}: {error}"))
+    if tracebacks:
+        remarks().print(cell("".join(traceback.format_exception(error))))
 
 
 def _warn(host: str) -> None:

@@ -116,7 +116,7 @@ class ExampleFolder:
 
     def words(self) -> Sequence[Word]:
         """All that was ever said of these examples, the earliest first."""
-        said = [word for word in _published(self) if word.key in self._places]
+        said = [word for word in published_words(self) if word.key in self._places]
         for path in sorted((self.path / LABELS).glob("run_id=*/part-*.parquet")):
             said += [word for word in _words_of(path) if word.key in self._places]
         return sorted(said, key=lambda word: word.said_ns)
@@ -197,14 +197,14 @@ def _words_of(path: Path) -> list[Word]:
     ]
 
 
-def _published(folder: ExampleFolder) -> Iterator[Word]:
+def published_words(folder: ExampleFolder) -> Iterator[Word]:
     """The words that a published dataset holds in its column ``labels``."""
     table = folder.rows(["run_id", "example_id", "labels", "T_receiver_donor"])
     if "labels" not in table.column_names:
         return
     for row in plain(table).to_pylist():
-        judged = transform_of(row["T_receiver_donor"])
-        for said in row["labels"]:
+        judged = transform_of(row["T_receiver_donor"]) if row["labels"] else None
+        for said in row["labels"] or ():
             key = ExampleKey(row["run_id"], row["example_id"])
             held = None if said["x_m"] is None else put_at(judged, said["x_m"], said["y_m"], said["yaw_rad"])
             what = (said["reason"], said["labelled_at"], said["elapsed_s"])

@@ -55,7 +55,8 @@ class LabelParts:
 
     def _read(self, path: Path) -> pa.Table | None:
         try:
-            return _rows(path)
+            with pq.ParquetFile(path) as part:
+                return _rows(part)
         except FileNotFoundError:  # put together with others just now: its words are in another part
             return None
         except (OSError, ValueError, pa.ArrowException) as error:
@@ -102,18 +103,19 @@ def _whole(path: Path) -> pa.Table | None:
     """The words of a part; None where it is damaged, or has columns that would be lost."""
     try:
         with pq.ParquetFile(path) as part:
-            return _rows(path) if set(part.schema_arrow.names) <= set(arrow_schema(NAME).names) else None
+            return _rows(part) if set(part.schema_arrow.names) <= set(arrow_schema(NAME).names) else None
     except (OSError, ValueError, pa.ArrowException):
         return None
 
 
-def _rows(path: Path) -> pa.Table:
+def _rows(part: pq.ParquetFile) -> pa.Table:
     """The words of a part in the schema ``labels``, null in columns that it does not have yet; raises as Arrow does."""
     schema = arrow_schema(NAME)
-    with pq.ParquetFile(path) as part:
-        if part.metadata.num_rows > PART_ROWS:
-            raise ValueError(f"{part.metadata.num_rows} rows are more than {PART_ROWS}")
-        given = part.read([name for name in part.schema_arrow.names if name in schema.names])
+    if part.metadata.num_rows > PART_ROWS:
+        raise ValueError(f"{part.metadata.num_rows} rows are more than {PART_ROWS}")
+    if part.schema_arrow.equals(schema):
+        return part.read(use_threads=False)
+    given = part.read([name for name in part.schema_arrow.names if name in schema.names], use_threads=False)
     columns = [
         given[field.name].cast(field.type) if field.name in given.column_names else pa.nulls(len(given), field.type)
         for field in schema
