@@ -30,7 +30,7 @@ class Asked:
     host: str
     port: int
     browser: bool
-    tracebacks: bool
+    tracebacks: bool = False
 
 
 def annotate_and_wait(folders: Sequence[Path], asked: Asked) -> None:
