@@ -300,8 +300,13 @@ def _spell(value: Value) -> str:
 
 
 def parse_rules(text: str, origin: str) -> list[Rule]:
-    """Rules from YAML text (a list); raises DecisionTableError with every fault and its place."""
+    """Rules from YAML text: a list, or a configuration that holds nothing but ``rules``.
+
+    Raises DecisionTableError with every fault and its place.
+    """
     given = parse_yaml(text, f"the decision table {origin}", DecisionTableError)
+    if isinstance(given, dict) and set(given) == {"rules"}:
+        given = given["rules"]
     return check_rules(given, origin)
 
 

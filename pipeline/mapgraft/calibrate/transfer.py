@@ -156,7 +156,7 @@ def judged(
         return said(
             "none",
             f"with labels of the other buildings alone {one.wrong.text} of the wrong ones in {one.building} would be "
-            f"accepted where {100 * rate:g} % was asked for: the buildings differ too much for the bound to carry over; "
+            f"accepted where {100 * rate:g} % was asked for: they differ too much for the bound to carry over; "
             f"the strictest of these {buildings} has set the threshold, and of {buildings + 1} that are exchangeable a "
             f"further one is stricter still with probability 1/{buildings + 1}",
         )
