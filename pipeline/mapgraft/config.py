@@ -189,6 +189,26 @@ class OutputConfig(Section):
     report: bool = True
 
 
+Rate = Annotated[float, Field(gt=0, lt=1)]
+Cost = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class CalibrateConfig(Section):
+    """What ``mapgraft calibrate`` is to promise; its options go before. A run does not look at it.
+
+    At most these shares of wrong hypotheses are merged (``false_accept``) and confirmed, and of right merges reverted.
+    ``score`` is ``auto``, ``fit``, or the number to go by. With ``cost_false_accept`` nothing is merged that costs more
+    than it saves, where not to merge what is right costs ``cost_miss``.
+    """
+
+    false_accept: Rate = 0.01
+    false_confirm: Rate = 0.001
+    false_revert: Rate = 0.01
+    score: str = "auto"
+    cost_false_accept: Cost | None = None
+    cost_miss: Cost = 1.0
+
+
 class Config(Section):
     mission: MissionConfig = MissionConfig()
     robots: dict[str, RobotConfig] = Field(default_factory=dict)
@@ -201,6 +221,7 @@ class Config(Section):
     verdicts: list[VerdictConfig] = Field(default_factory=list)
     output: OutputConfig = OutputConfig()
     limits: LimitsConfig = LimitsConfig()
+    calibrate: CalibrateConfig = Field(default=CalibrateConfig(), exclude=True)  # so that no run depends on it
 
     @field_validator("robots")
     @classmethod

@@ -279,6 +279,62 @@ def evaluate(
     evaluate_and_show(files, config, settings, jobs=jobs, quiet=quiet, json_out=json, without=no_plugin or [])
 
 
+@app.command()
+def calibrate(
+    datasets: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Datasets, or folders of runs and evaluations with examples, labelled or with truth."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder to write to.")] = None,
+    false_accept: Annotated[
+        float | None, typer.Option(help="Share of wrong hypotheses that may be merged; else 0.01.")
+    ] = None,
+    false_confirm: Annotated[
+        float | None, typer.Option(help="Share of wrong hypotheses that may be confirmed; else 0.001.")
+    ] = None,
+    false_revert: Annotated[
+        float | None, typer.Option(help="Share of right merges that may be reverted; else 0.01.")
+    ] = None,
+    score: Annotated[
+        str | None, typer.Option(help="auto, fit, or the number that thresholds are set on, as posterior.log_odds.")
+    ] = None,
+    cost_false_accept: Annotated[
+        float | None, typer.Option(help="What merging a wrong one costs; merge only what is worth it.")
+    ] = None,
+    cost_miss: Annotated[float | None, typer.Option(help="What not merging a right one costs; else 1.")] = None,
+    used_on: Annotated[
+        list[Path] | None,
+        typer.Option("--for", help="Examples of the maps that it is meant for, without regard to labels; repeatable."),
+    ] = None,
+    without: Annotated[list[str] | None, typer.Option(help="Leave a building's labels out; repeatable.")] = None,
+    held_back: Annotated[bool, typer.Option("--held-back", help="Read what datasets put aside for tests.")] = False,
+    collecting: Annotated[
+        Path | None, typer.Option(help="Write the rules by which to collect examples to this file, and nothing else.")
+    ] = None,
+    rules: Annotated[Path | None, typer.Option("--rules", help="The decision table to calibrate.")] = None,
+    config: ConfigFile = None,
+    json: Json = False,
+    no_plugin: NoPlugin = None,
+    debug: Debug = False,
+) -> None:
+    """Set thresholds from labelled examples to stated error rates, and say what they promise, and where nothing."""
+    from mapgraft.commands.calibrate import Options, calibrate_and_show
+
+    calibrate_and_show(
+        datasets or [],
+        out,
+        Options(false_accept, false_confirm, false_revert, score, cost_false_accept, cost_miss),
+        config=config,
+        rules=rules,
+        meant=used_on or [],
+        without_building=without or [],
+        held_back=held_back,
+        collecting=collecting,
+        as_json=json,
+        without=no_plugin or [],
+    )
+
+
 @experiment_app.command("andersone2021")
 def andersone2021(
     files: Annotated[
