@@ -20,6 +20,8 @@ plugins_app = typer.Typer(no_args_is_help=True, help="What is installed.")
 app.add_typer(plugins_app, name="plugins")
 experiment_app = typer.Typer(no_args_is_help=True, help="Published experiments, run again by one command.")
 app.add_typer(experiment_app, name="experiment")
+labels_app = typer.Typer(no_args_is_help=True, help="What people say of merges: out to a CSV file and in again.")
+app.add_typer(labels_app, name="labels")
 
 Files = Annotated[
     list[Path] | None, typer.Argument(help="Recordings: MCAP, ROS 1 bag, ROS 2 bag, CARMEN log, map.yaml.")
@@ -79,6 +81,9 @@ def run(
         bool, typer.Option("--verify-ledger", help="Recompute every layer and map at the end, and compare.")
     ] = False,
     report: Annotated[bool | None, typer.Option("--report/--no-report", help="Write report.html, too.")] = None,
+    examples: Annotated[
+        bool | None, typer.Option("--examples/--no-examples", help="Write every attempt with its pictures, too.")
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
     json: Json = False,
     no_plugin: NoPlugin = None,
@@ -87,7 +92,7 @@ def run(
     """Replay recordings, merge the robots' maps, verify, revert; without a file the demo recording."""
     from mapgraft.commands.run import Overrides, run_and_show
 
-    overrides = Overrides(start, end, every, reversal, tuple(prior or ()), tuple(forbid or ()), report)
+    overrides = Overrides(start, end, every, reversal, tuple(prior or ()), tuple(forbid or ()), report, examples)
     run_and_show(
         files or [],
         config,
@@ -166,7 +171,7 @@ def annotate(
     """Say in the browser which merges are right: a page of this machine, until Ctrl-C; answers are kept in OUT."""
     from mapgraft.commands.annotate import Asked, annotate_and_wait
 
-    annotate_and_wait(folders, Asked(name, host, port, browser))
+    annotate_and_wait(folders, Asked(name, host, port, browser, tracebacks=debug))
 
 
 @app.command()
@@ -361,6 +366,32 @@ def andersone2021(
 
     settings = Settings(right, wrong, seed, matcher, scans, further, draws)
     conduct_and_show(files or [], config, out, settings, quiet=quiet, as_json=json, without=no_plugin or [])
+
+
+@labels_app.command("export")
+def labels_export(
+    outs: Annotated[list[Path], typer.Argument(metavar="OUT…", help="Folders of runs or evaluations, or datasets.")],
+    to: Annotated[Path, typer.Option("--out", "-o", help="The CSV file to write.")] = Path("labels.csv"),
+    everything: Annotated[bool, typer.Option("--all", help="Also what was said before, and withdrawn.")] = False,
+    debug: Debug = False,
+) -> None:
+    """Write what people say of the examples in some folders to a CSV file."""
+    from mapgraft.commands.labels import export_and_show
+
+    export_and_show(outs, to, everything=everything)
+
+
+@labels_app.command("import")
+def labels_import(
+    out: Annotated[Path, typer.Argument(help="The folder of a run or an evaluation, or a dataset.")],
+    files: Annotated[list[Path], typer.Argument(metavar="CSV…", help="As labels export writes them.")],
+    by: Annotated[str, typer.Option("--by", help="Who says so, where a line names nobody.")] = "",
+    debug: Debug = False,
+) -> None:
+    """Add what CSV files say of examples to the labels of a folder; what is there already is not added again."""
+    from mapgraft.commands.labels import import_and_show
+
+    import_and_show(out, files, by)
 
 
 @plugins_app.command("list")

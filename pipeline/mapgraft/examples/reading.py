@@ -14,9 +14,9 @@ import pyarrow.parquet as pq
 
 from mapgraft.contracts import Transform
 from mapgraft.errors import UsageError
+from mapgraft.outputs.label_parts import LabelParts
 
 EXAMPLES: Final = "examples"
-LABELS: Final = "labels"
 WITHDRAWN: Final = "withdrawn"
 Which = Literal["own", "donor", "overlay"]
 
@@ -116,10 +116,11 @@ class ExampleFolder:
 
     def words(self) -> Sequence[Word]:
         """All that was ever said of these examples, the earliest first."""
-        said = [word for word in published_words(self) if word.key in self._places]
-        for path in sorted((self.path / LABELS).glob("run_id=*/part-*.parquet")):
-            said += [word for word in _words_of(path) if word.key in self._places]
-        return sorted(said, key=lambda word: word.said_ns)
+        said = list(published_words(self))
+        for run_id, rows in LabelParts(self.path).new():
+            said += _words_of(run_id, rows)
+        once = {(w.key, w.annotator, w.said_ns, w.label): w for w in said if w.key in self._places}
+        return sorted(once.values(), key=lambda word: word.said_ns)
 
     def labels(self) -> Mapping[tuple[ExampleKey, str], Word]:
         """The last word of each annotator on each example, without those that were withdrawn."""
@@ -179,9 +180,8 @@ def _folder_of(path: Path, key: str) -> str:
     return next((part.removeprefix(f"{key}=") for part in path.parts if part.startswith(f"{key}=")), "")
 
 
-def _words_of(path: Path) -> list[Word]:
+def _words_of(run_id: str, rows: pa.Table) -> list[Word]:
     """The words of one part of ``labels/``."""
-    run_id = _run_of(path)
     return [
         Word(
             ExampleKey(run_id, row["merge_id"]),
@@ -193,7 +193,7 @@ def _words_of(path: Path) -> list[Word]:
             row["labelled_at"],
             row["elapsed_s"],
         )
-        for row in plain(pq.ParquetFile(path).read()).to_pylist()
+        for row in plain(rows).to_pylist()
     ]
 
 

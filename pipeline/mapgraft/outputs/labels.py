@@ -34,8 +34,8 @@ def label(
     ``merge_id`` is the id of a merge or of an example. ``T_receiver_donor`` is the transform that was judged, with
     which the row means something also when the run is computed again and the id then belongs to another merge;
     ``T_corrected`` is where the person put the donor's map, if it was moved. ``clock`` is when it was said (with a
-    time zone; default: now). Rows stay when the run is computed again. The last word of a person holds; ``withdrawn`` takes
-    back what the person said before.
+    time zone; default: now). Rows stay when the run is computed again. The last word of a person holds; ``withdrawn``
+    takes back what the person said before.
 
     Raises OutputError when the folder cannot be written, ValueError for a verdict that is none.
     """

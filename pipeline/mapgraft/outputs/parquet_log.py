@@ -19,7 +19,8 @@ from mapgraft.outputs.staging import SUFFIX, Staging, close_quietly, sha256_of, 
 from mapgraft.outputs.tables import Row, events_table, metrics_table, recordings_table, rows_table, snapshot_row
 from mapgraft_schemas import Column, arrow_schema, table
 
-WRITTEN = ("events", "metrics", "maps", "recordings", "timings")  # anew by every run; labels are people's
+EXAMPLES = "examples"  # only where they are wanted
+WRITTEN = ("events", "metrics", "maps", EXAMPLES, "recordings", "timings")  # anew by every run; labels are people's
 UNTITLED = ".part-00000.parquet"  # a run's part before it is finished; readers of a data set skip names with a dot
 _BATCH = 1024  # events that wait to become Arrow
 _GROUP_ROWS = 65_536  # rows of one row group, at most
@@ -122,7 +123,7 @@ def _path(column: Column) -> str:
 class ParquetLog:
     """Writes the tables of one run as it goes on. Memory is bounded: what waits is at most a row group per table."""
 
-    def __init__(self, staging: Staging, run_id: str) -> None:
+    def __init__(self, staging: Staging, run_id: str, examples: bool = False) -> None:
         self._staging, self._run_id = staging, run_id
         self._events: list[Event] = []
         self._timings: list[Row] = []
@@ -130,7 +131,7 @@ class ParquetLog:
         self._snapshots = 0
         self._parts: dict[str, PartWriter] = {}
         try:
-            for name in WRITTEN:
+            for name in [name for name in WRITTEN if examples or name != EXAMPLES]:
                 self._parts[name] = PartWriter(staging, name, run_id)
         except BaseException:
             self.abandon()
@@ -147,6 +148,9 @@ class ParquetLog:
         self._parts["maps"].append(rows_table("maps", [row]))
         self._digests.add(sha256)
         self._snapshots += 1
+
+    def exemplified(self, rows: pa.Table) -> None:
+        self._parts[EXAMPLES].append(rows)
 
     def timed(self, stage: str, elapsed_s: float, count: int) -> None:
         row = {"position": len(self._timings), "stage": stage, "elapsed_s": elapsed_s, "count": count}
