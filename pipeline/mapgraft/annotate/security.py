@@ -18,8 +18,9 @@ Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 TOKEN_BYTES: Final = 32
-BODY_BYTES: Final = 16_384  # a form with a long reason has a tenth of that
+BODY_BYTES: Final = 32_768  # a form with the longest reason, escaped, has less
 TARGET_BYTES: Final = 1_024  # path and query; a name of 64 characters, escaped, is the longest that is asked for
+HEADER_BYTES: Final = 16_384
 READING, WRITING = "GET", "POST"
 POLICY: Final = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; font-src 'self'; "
@@ -97,6 +98,8 @@ class Guard:
         """Why a request is not let through, as status and sentence."""
         if len(scope["path"]) + len(scope["query_string"]) > TARGET_BYTES:
             return 414, "the address is too long"
+        if sum(len(name) + len(value) for name, value in scope["headers"]) > HEADER_BYTES:
+            return 431, "the request is too long"
         headers = _Headers(scope["headers"])
         host, origin = headers.one("host"), headers.one("origin")
         if host is None or not self._doors.admits(host):

@@ -17,13 +17,12 @@ from typing import Final
 
 import uvicorn
 
-from mapgraft.annotate.security import App, Doors
+from mapgraft.annotate.security import HEADER_BYTES, App, Doors
 from mapgraft.errors import UsageError
 
 LOOPBACK: Final = "127.0.0.1"
 ENDING_S: Final = 5  # for answers that are being written down when the server ends
 CONNECTIONS: Final = 128  # at once; a browser opens six
-HEADER_BYTES: Final = 16_384
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -71,11 +70,8 @@ def address_of(listening: socket.socket, token: str) -> str:
     return f"http://{named}:{port}/{token}/"
 
 
-def serve(app: App, listening: socket.socket) -> None:
-    """Answer requests until Ctrl-C, SIGTERM or SIGHUP; what is being written down then is written first.
-
-    Nothing is logged: addresses hold the token.
-    """
+def server_of(app: App) -> uvicorn.Server:
+    """The server, which logs nothing: addresses hold the token."""
     config = uvicorn.Config(
         app,
         http="h11",
@@ -90,8 +86,13 @@ def serve(app: App, listening: socket.socket) -> None:
         limit_concurrency=CONNECTIONS,
         timeout_graceful_shutdown=ENDING_S,
     )
+    return uvicorn.Server(config)
+
+
+def serve(app: App, listening: socket.socket) -> None:
+    """Answer requests until Ctrl-C, SIGTERM or SIGHUP; what is being written down then is written first."""
     with suppress(KeyboardInterrupt):
-        uvicorn.Server(config).run(sockets=[listening])
+        server_of(app).run(sockets=[listening])
 
 
 @contextmanager
