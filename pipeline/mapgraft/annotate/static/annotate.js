@@ -17,6 +17,7 @@ const speak = said($("said"));
 const left = new Map(); // n → what was on the page when it was answered, for undo
 let shown = null; // the example on the page; ready: its maps can be seen
 let [viewMode, blinking, asked] = [false, 0, 0];
+let judged = null; // the example whose answer was saved, until it is told what the robot had made of it
 let news = ""; // what was saved or undone, told together with what comes next
 
 function arrive() {
@@ -62,8 +63,15 @@ function arrived(example) {
   asked = 0;
   speak(`${news} ${$("question").textContent.trim().replace(/\s+/g, " ")} ${$("example").dataset.told}`.trim());
   news = "";
-  if (example.next === null || example.next === undefined) return;
-  for (const whose of ["own", "donor"]) picture(`${document.body.dataset.base}/picture/${example.next}/${whose}.png`).catch(() => {});
+  setTimeout(() => whileLooking(example.next)); // what is not needed at once comes after the maps are on the screen
+}
+
+function whileLooking(next) {
+  const base = document.body.dataset.base;
+  if (judged !== null) htmx.ajax("GET", `${base}/revealed/${judged}`, { target: "#last", swap: "innerHTML" });
+  judged = null;
+  if (next === null) return;
+  for (const whose of ["own", "donor"]) picture(`${base}/picture/${next}/${whose}.png`).catch(() => {}); // asked for again when it is shown
 }
 
 function leaveStage() {
@@ -72,6 +80,7 @@ function leaveStage() {
   document.body.toggleAttribute("data-done", $("example")?.dataset.n === undefined);
   if (news) speak(`${news} ${$("example")?.textContent.trim() ?? ""}`);
   news = "";
+  whileLooking(null);
 }
 
 // Where the donor's map lies, in words beside the stage, and on the button that says "right".
@@ -105,26 +114,17 @@ function onTop({ own, donor }) {
 
 const step = () => shown?.step_m ?? 0.1;
 
-function answer(label) {
-  const form = $("answer");
-  if (!shown?.ready || !form || form.classList.contains("htmx-request")) return;
-  asked = performance.now();
-  form.requestSubmit($(label));
-}
-
-function ask(id) {
+function press(id) {
   const button = $(id);
-  if (!button || button.disabled) return;
-  asked = performance.now();
-  button.click();
+  if (button && !button.disabled && !document.querySelector(".htmx-request")) button.click();
 }
 
 const actions = {
-  right: () => answer("right"),
-  wrong: () => answer("wrong"),
-  unsure: () => answer("unsure"),
-  undo: () => ask("undo"),
-  skip: () => ask("skip"),
+  right: () => press("right"),
+  wrong: () => press("wrong"),
+  unsure: () => press("unsure"),
+  undo: () => press("undo"),
+  skip: () => press("skip"),
   overlay: () => look("overlay"),
   swap: () => look("swap"),
   difference: () => look(stage.how.mode === "difference" ? "overlay" : "difference"),
@@ -252,7 +252,9 @@ function addReason(reason) {
 // The answer takes along where the map lies. What is shown is what is judged: "right" far from the proposal says that
 // the proposal was wrong and the place shown is right; "wrong" and "unsure" give no place.
 document.addEventListener("htmx:configRequest", (event) => {
-  if (event.detail.elt.id !== "answer" || !shown) return;
+  if (event.detail.target.id === "example") asked = performance.now();
+  if (event.detail.elt.id !== "answer") return;
+  if (!shown?.ready) return event.preventDefault(); // nobody judges what cannot be seen yet
   const sent = event.detail.parameters;
   const here = sent.label === "right" && shown.verdict.moved;
   if (sent.label === "right" && shown.verdict.far) sent.label = "wrong";
@@ -265,7 +267,7 @@ document.addEventListener("htmx:configRequest", (event) => {
 
 document.addEventListener("answered", (event) => {
   $("alarm").hidden = true;
-  htmx.ajax("GET", `${document.body.dataset.base}/revealed/${event.detail.n}`, { target: "#last", swap: "innerHTML" });
+  judged = event.detail.n;
 });
 document.addEventListener("undone", () => {
   $("alarm").hidden = true;
