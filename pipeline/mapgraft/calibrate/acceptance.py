@@ -65,7 +65,7 @@ class Threshold:
 
 def members(examples: Sequence[Labelled], group: Group) -> list[Labelled]:
     """The examples of a group; a coarser group has those of all that fall back to it."""
-    return [example for example in examples if group in example.group.coarser]
+    return [example for example in examples if group.holds(example.group)]
 
 
 def acceptance(

@@ -38,6 +38,11 @@ def _collecting(rule: Rule) -> Mapping[str, Any]:
     metrics: dict[str, dict[str, Any]] = {name: {} for name in (*rule.accept.metric_names, *rule.verify.metric_names)}
     base["accept"] = {"use": "calibrated", "score": {"score": 1.0}, "accept_above": -_FAR, "metrics": metrics}
     if rule.verify.use == SEQUENTIAL:
-        base["verify"] = {**base["verify"], "revert_at": _FAR, "revert_below": 0.0, "confirm": False}
+        limits = {"revert_at": _FAR, "revert_below": 0.0, "confirm": False}
+        log = {
+            "metrics": list(rule.accept.metric_names),
+            "every": rule.verify.every,
+        }  # what reverts is seen at each look
+        base["verify"] = {**base["verify"], **limits, "log": log}
     base["candidates"] = 1
     return base

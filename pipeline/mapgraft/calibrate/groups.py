@@ -33,6 +33,15 @@ class Group:
             steps.append(Group(self.rule))
         return tuple(steps)
 
+    def holds(self, other: Group) -> bool:
+        """Whether a group is this one, or falls back to it."""
+        if self.rule != other.rule or not self.receiver_type:
+            return self.rule == other.rule
+        told = (self.receiver_type, self.donor_type, self.reversal)
+        if told != (other.receiver_type, other.donor_type, other.reversal):
+            return False
+        return not self.resolutions or (self.own_m, self.other_m) == (other.own_m, other.other_m)
+
     @property
     def name(self) -> str:
         """What it is called for persons: ``occupancy_grid 0.07 m ← occupancy_grid 0.1 m, ledger``."""
