@@ -107,8 +107,9 @@ def _limit(limit: Limit | None) -> dict[str, Any] | None:
         "at": limit.value,
         "rate": limit.rate,
         "set_by": None if limit.set_by is None else limit.set_by.name,
-        "merges": limit.merges,
+        "labels": limit.labels,
         "missing": limit.missing,
         "within_observations": limit.observations,
-        "measured": None if limit.measured is None else dataclasses.asdict(limit.measured),
+        "beyond": None if limit.harm is None else dataclasses.asdict(limit.harm),
+        "beyond_of_the_others": None if limit.gain is None else dataclasses.asdict(limit.gain),
     }

@@ -14,7 +14,7 @@ from mapgraft.calibrate.quality import Quality, quality
 from mapgraft.calibrate.rates import Rate
 from mapgraft.calibrate.scoring import Score, fitted, single
 from mapgraft.calibrate.transfer import Transfer, building_threshold, judged, left_out, target_of, unlike
-from mapgraft.calibrate.watching import Limit, Test, confirmation_limit, reversal_limit
+from mapgraft.calibrate.watching import Limit, Test, Watch
 from mapgraft.decision import Rule
 from mapgraft.errors import UsageError
 
@@ -148,11 +148,7 @@ def _rule(rule: Rule, examples: Sequence[Labelled], meant: Sequence[Labelled], a
     everywhere = building_threshold(setting, score, asked.false_accept)
     if math.isfinite(everywhere) and everywhere > floor.value:
         floor = Floor(everywhere, "buildings, of which a further one is promised, too,")
-    finest = sorted({example.group for example in examples}, key=lambda group: group.name)
-    groups = list(
-        dict.fromkeys(step for level in range(3) for group in finest for step in group.coarser[level : level + 1])
-    )
-    fits = [_fit(setting, examples, score, group, rule, asked, floor) for group in groups]
+    fits = _fits(setting, examples, score, rule, asked, floor)
     tested = [left_out(examples, name, choose, asked.false_accept) for name in buildings] if len(buildings) > 1 else []
     limits = {fit.group: fit.accept.value for fit in fits}
     apart = max((one.unlike for one in tested if not math.isnan(one.unlike)), default=0.0)
@@ -199,24 +195,34 @@ def _log_odds(rule: Rule) -> str:
     return f"{metric or 'posterior'}.log_odds"
 
 
+def _fits(
+    setting: Sequence[Labelled], examples: Sequence[Labelled], score: Score, rule: Rule, asked: Asked, floor: Floor
+) -> list[Fit]:
+    """All groups of a rule, the finest first: thresholds, then the limits of what they let through."""
+    finest = sorted({example.group for example in examples}, key=lambda group: group.name)
+    steps = [step for level in range(3) for group in finest for step in group.coarser[level : level + 1]]
+    limits = {group: acceptance(setting, score, group, asked.false_accept, floor) for group in dict.fromkeys(steps)}
+    return [_fit(group, limits, setting, examples, score, rule, asked) for group in limits]
+
+
 def _fit(
+    group: Group,
+    limits: Mapping[Group, Threshold],
     setting: Sequence[Labelled],
     examples: Sequence[Labelled],
     score: Score,
-    group: Group,
     rule: Rule,
     asked: Asked,
-    floor: Floor,
 ) -> Fit:
-    limit = acceptance(setting, score, group, asked.false_accept, floor)
-    here = members(setting, group)
+    limit, here = limits[group], members(setting, group)
     same = {example.group: limit for example in here}
     right, wrong = (accepted(here, score, same, right=kind) for kind in (True, False))
     revert, confirm, falls = None, None, True
     if rule.verify is not None and rule.verify.use == SEQUENTIAL and math.isfinite(limit.value):
-        test = _test(rule)
-        revert, falls = reversal_limit(examples, score, limit, test, asked.false_revert)
-        confirm = confirmation_limit(examples, limit, test, asked.false_confirm, revert.value)
+        by = limits if group.resolutions else dict.fromkeys(limits, limit)  # what takes the members of a coarser group
+        watch = Watch(examples, lambda e: by[e.group].passes(score.of(e.numbers)), _test(rule))
+        revert, falls = watch.reversal(group, asked.false_revert)
+        confirm = watch.confirmation(group, asked.false_confirm, revert.value)
     return Fit(group, limit, revert, confirm, falls, wrong, right, _by_overlap(here, score, same))
 
 
@@ -227,6 +233,7 @@ def _test(rule: Rule) -> Test:
         str(told.get("prior", "posterior")),
         float(told.get("new_m", 2.0)),
         float(told.get("revert_below", 0.1)),
+        math.log(float(told.get("false_confirm", 0.005)) / (1.0 - float(told.get("false_revert", 0.001)))),
     )
 
 

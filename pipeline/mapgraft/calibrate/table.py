@@ -87,23 +87,31 @@ def _of_threshold(limit: Threshold) -> str:
 
 def _of_revert(limit: Limit, *, prior_reverts: bool) -> str:
     if limit.value is None:
-        why = f"{limit.merges} right merges that were watched, {limit.missing} more are needed"
-        why = why if limit.missing else "right merges that were read as reverted"
-        return f"Reverts as before; nothing is promised, for {100 * limit.rate:g} %: {why}."
-    said = f"Reverts at {max(limit.value, 0.0):.4f}: at most {100 * limit.rate:g} % of right merges within "
-    said += f"{limit.observations} observations, by {limit.merges} of {limit.set_by.name if limit.set_by else ''}"
+        why = f"{limit.labels} right merges were watched, {limit.missing} more are needed"
+        why = why if limit.missing else "the run that was read has reverted too many right merges"
+        return f"Reverts as before: {100 * limit.rate:g} % cannot be promised, {why}."
+    said = f"Reverts at {limit.value:.4f}: at most {100 * limit.rate:g} % of right merges within "
+    said += f"{limit.observations} observations, by {limit.labels}{_whose(limit)}; of wrong merges {_gain(limit)}"
     return said + ("." if prior_reverts else "; the fall of the probability alone no longer reverts.")
 
 
 def _of_confirm(limit: Limit) -> str:
     if limit.value is None:
-        why = f"{limit.merges} wrong merges were watched, {limit.missing} more are needed"
+        why = f"{limit.labels} wrong hypotheses were watched, {limit.missing} more are needed"
         why = why if limit.missing else "too many wrong merges look right"
         return f"Never confirms: {100 * limit.rate:g} % cannot be promised, {why}."
     return (
         f"Confirms from {limit.value:.4f} down: at most {100 * limit.rate:g} % of wrong hypotheses within "
-        f"{limit.observations} observations, by {limit.merges} of {limit.set_by.name if limit.set_by else ''}."
+        f"{limit.observations} observations, by {limit.labels}{_whose(limit)}; of right merges {_gain(limit)}."
     )
+
+
+def _whose(limit: Limit) -> str:
+    return "" if limit.set_by is None or limit.set_by == limit.group else f" of {limit.set_by.name}"
+
+
+def _gain(limit: Limit) -> str:
+    return "none to count" if limit.gain is None else limit.gain.text
 
 
 def _rule(rule_fit: RuleFit, fit: Fit) -> dict[str, Any]:
@@ -153,7 +161,7 @@ def _verify(fit: Fit) -> dict[str, Any]:
     if fit.revert is None or fit.confirm is None:
         return changed
     if fit.revert.value is not None:
-        changed["revert_at"] = max(fit.revert.value, 0.0)
+        changed["revert_at"] = fit.revert.value
         if not fit.prior_reverts:
             changed["revert_below"] = 0.0
     if fit.confirm.value is None:

@@ -5,14 +5,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from mapgraft.calibrate.acceptance import Threshold, members
+from mapgraft.calibrate.acceptance import members
 from mapgraft.calibrate.conformal import needed, threshold
 from mapgraft.calibrate.groups import Group
 from mapgraft.calibrate.labelled import Labelled, Look
 from mapgraft.calibrate.rates import Rate
-from mapgraft.calibrate.scoring import Score
 
 _STEPS = 10_000.0  # in a unit: limits are rounded to that
 WRONG_ODDS = "verifier.log_odds_wrong"  # what the verifier ``sequential`` tells of each look
@@ -20,12 +19,13 @@ WRONG_ODDS = "verifier.log_odds_wrong"  # what the verifier ``sequential`` tells
 
 @dataclass(frozen=True, slots=True)
 class Test:
-    """What the rule's verifier ``sequential`` is asked beside its limits: names, and what confirming needs."""
+    """What the rule's verifier ``sequential`` is asked: names, what confirming needs, and where it confirmed so far."""
 
     news: str = "news"
     prior: str = "posterior"
     new_m: float = 2.0
     revert_below: float = 0.1
+    confirm_at: float = -5.3
 
     def _judging(self, example: Labelled) -> Iterator[Look]:
         """The looks at which there was new evidence: at the others the verifier does nothing."""
@@ -55,87 +55,97 @@ class Test:
 class Limit:
     """One limit of the test with the labels that set it; None where there are too few.
 
-    ``missing`` is how many merges are missing for one of the group's own, ``observations`` how long the merges that
-    set it were watched at most, ``measured`` what share of them goes beyond it.
+    ``missing`` is how many labels are missing for one of the group's own, ``observations`` how long the merges that
+    set it were watched at most. ``harm`` is what share of them goes beyond it, ``gain`` the same of accepted merges of
+    the other kind: of wrong ones that are reverted, of right ones that are confirmed.
     """
 
     group: Group
     rate: float
     value: float | None
     set_by: Group | None
-    merges: int
+    labels: int
     missing: int
     observations: int = 0
-    measured: Rate | None = None
+    harm: Rate | None = None
+    gain: Rate | None = None
 
 
-def reversal_limit(
-    examples: Sequence[Labelled], score: Score, limit: Threshold, test: Test, rate: float
-) -> tuple[Limit, bool]:
-    """The log-odds of being wrong from which a merge is reverted, and whether the fall of the prior may revert, too.
+@dataclass(frozen=True, slots=True, eq=False)
+class Watch:
+    """The merges of some examples that were watched, and which of them the new thresholds accept."""
 
-    It is set by right merges that the new threshold accepts. A merge that the run which was read has reverted counts as
-    one that any limit reverts. Where the fall of the prior alone reverts more right merges than promised, it must not.
-    """
-    chosen, missing = _enough(examples, limit.group, rate, lambda e: _stands(e, score, limit))
-    if chosen is None:
-        return Limit(limit.group, rate, None, None, _count(examples, limit, score), missing), True
-    merges = [example for example in members(examples, chosen) if _stands(example, score, limit)]
-    units = [example.unit for example in merges]
-    told = [math.inf if example.reverted else test.highest(example) for example in merges]
-    value, falls = threshold(told, rate, units), True
-    if math.isinf(value):
-        still = Test(test.news, test.prior, test.new_m, 0.0)
-        told = [math.inf if example.reverted else still.highest(example) for example in merges]
-        value, falls = threshold(told, rate, units), False
-    if math.isinf(value):
-        return Limit(limit.group, rate, None, chosen, len(merges), missing), False
-    value = (math.floor(value * _STEPS) + 1) / _STEPS  # above what was seen, because the limit itself reverts
-    beyond = Rate.counted(sum(one >= value for one in told), len(told))
-    return Limit(limit.group, rate, value, chosen, len(merges), missing, _longest(merges), beyond), falls
+    examples: Sequence[Labelled]
+    takes: Callable[[Labelled], bool]
+    test: Test
 
+    def reversal(self, group: Group, rate: float) -> tuple[Limit, bool]:
+        """The log-odds of being wrong from which a merge is reverted, and whether the fall of the prior may do it, too.
 
-def confirmation_limit(
-    examples: Sequence[Labelled], limit: Threshold, test: Test, rate: float, revert_at: float | None
-) -> Limit:
-    """The log-odds of being wrong down to which a merge is confirmed: set by all wrong merges that were watched.
+        It is set by right merges that the new thresholds accept: those do not hang on them. A merge that the run which
+        was read has reverted counts as one that any limit reverts. Where the fall of the prior alone reverts more right
+        merges than promised, it must not.
+        """
+        chosen, missing = _enough(self.examples, group, rate, self._stands)
+        merges = [example for example in members(self.examples, chosen or group) if self._stands(example)]
+        if chosen is None:
+            return Limit(group, rate, None, None, len(merges), missing), True
+        units = [example.unit for example in merges]
+        told = [math.inf if example.reverted else self.test.highest(example) for example in merges]
+        value, falls = threshold(told, rate, units), True
+        if value == math.inf:
+            still = replace(self.test, revert_below=0.0)
+            told = [math.inf if example.reverted else still.highest(example) for example in merges]
+            value, falls = threshold(told, rate, units), False
+        if value == math.inf:
+            return Limit(group, rate, None, chosen, len(merges), missing), False
+        least = 0.0  # what is more probably right than wrong is not reverted, whatever is promised
+        value = max(least, (math.floor(value * _STEPS) + 1) / _STEPS if math.isfinite(value) else least)
+        wrong = [example for example in members(self.examples, chosen) if self._misled(example)]
+        harm = Rate.counted(sum(one >= value for one in told), len(told))
+        gain = Rate.counted(sum(self.test.highest(example) >= value for example in wrong), len(wrong))
+        return Limit(group, rate, value, chosen, len(merges), missing, _longest(merges), harm, gain), falls
 
-    Those that the new threshold would not accept are among them, so that the promise is on a wrong hypothesis that is
-    merged or not. One that was reverted where the new limit would not counts as one that is confirmed.
-    """
-    chosen, missing = _enough(examples, limit.group, rate, _lies_wrong)
-    if chosen is None:
-        wrong = sum(map(_lies_wrong, members(examples, limit.group)))
-        return Limit(limit.group, rate, None, None, wrong, missing)
-    merges = [example for example in members(examples, chosen) if _lies_wrong(example)]
-    told = [_confirmable(example, test, revert_at) for example in merges]
-    value = threshold(told, rate, [example.unit for example in merges])
-    if math.isinf(value) and value > 0.0:
-        return Limit(limit.group, rate, None, chosen, len(merges), missing)
-    lowest = -value if math.isfinite(value) else 0.0  # no wrong merge came near being confirmed: even odds will do
-    at = min((math.ceil(lowest * _STEPS) - 1) / _STEPS, 0.0)
-    beyond = Rate.counted(sum(-one <= at for one in told), len(told))
-    return Limit(limit.group, rate, at, chosen, len(merges), missing, _longest(merges), beyond)
+    def confirmation(self, group: Group, rate: float, revert_at: float | None) -> Limit:
+        """The log-odds of being wrong down to which a merge is confirmed: set by all wrong hypotheses.
 
+        Those that the new thresholds do not accept are never confirmed, so that the promise is on a wrong hypothesis,
+        merged or not. That the thresholds hang on the same hypotheses does no harm: a further one above a threshold
+        would not have moved it. One that was reverted where the new limit would not counts as one that is confirmed.
+        It is never looser than the rule had it.
+        """
+        chosen, missing = _enough(self.examples, group, rate, _lies_wrong)
+        wrong = [example for example in members(self.examples, chosen or group) if _lies_wrong(example)]
+        if chosen is None:
+            return Limit(group, rate, None, None, len(wrong), missing)
+        told = [self._confirmable(example, revert_at) if self.takes(example) else -math.inf for example in wrong]
+        value = threshold(told, rate, [example.unit for example in wrong])
+        if value == math.inf:
+            return Limit(group, rate, None, chosen, len(wrong), missing)
+        at = (math.ceil(-value * _STEPS) - 1) / _STEPS if math.isfinite(value) else self.test.confirm_at
+        at = min(at, self.test.confirm_at)
+        right = [example for example in members(self.examples, chosen) if self._stands(example)]
+        harm = Rate.counted(sum(-one <= at for one in told), len(told))
+        gain = Rate.counted(sum(self.test.lowest(example) <= at for example in right), len(right))
+        return Limit(group, rate, at, chosen, len(wrong), missing, _longest(wrong), harm, gain)
 
-def _confirmable(example: Labelled, test: Test, revert_at: float | None) -> float:
-    if example.reverted and (revert_at is None or test.highest(example) < revert_at):
-        return math.inf
-    return -test.lowest(example)
+    def _confirmable(self, example: Labelled, revert_at: float | None) -> float:
+        if example.reverted and (revert_at is None or self.test.highest(example) < revert_at):
+            return math.inf
+        return -self.test.lowest(example)
 
+    def _stands(self, example: Labelled) -> bool:
+        """Whether it is a merge that is right, was watched, and that the new thresholds accept."""
+        right = example.right is True and example.right_later is not False and len(example.looks) > 1
+        return right and self.takes(example)
 
-def _stands(example: Labelled, score: Score, limit: Threshold) -> bool:
-    """Whether it is a merge that is right, was watched, and that the new threshold accepts."""
-    right = example.right is True and example.right_later is not False and len(example.looks) > 1
-    return right and limit.passes(score.of(example.numbers))
+    def _misled(self, example: Labelled) -> bool:
+        """Whether it is a wrong merge that the new thresholds accept."""
+        return _lies_wrong(example) and self.takes(example)
 
 
 def _lies_wrong(example: Labelled) -> bool:
     return example.right is False and example.right_later is False and len(example.looks) > 1
-
-
-def _count(examples: Sequence[Labelled], limit: Threshold, score: Score) -> int:
-    return sum(_stands(example, score, limit) for example in members(examples, limit.group))
 
 
 def _enough(
