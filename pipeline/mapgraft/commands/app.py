@@ -270,6 +270,8 @@ def evaluate(
     config: ConfigFile = None,
     jobs: Annotated[int, typer.Option(help="Processes to share the work.")] = 1,
     json: Annotated[str | None, typer.Option("--json", help="Write JSON to this file; - prints it instead.")] = None,
+    truth: Annotated[Path | None, typer.Option(help="Labels (CSV): what they say goes before recorded poses.")] = None,
+    examples: Annotated[Path | None, typer.Option(help="Folder to write every pair to, as an example.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
     no_plugin: NoPlugin = None,
     debug: Debug = False,
@@ -281,7 +283,17 @@ def evaluate(
 
     drawing = Drawing(pairs, scans, further, across, seed)
     settings = Settings(drawing, map_type, resolution, other_resolution, rules, matcher, verifier, baseline, other_type)
-    evaluate_and_show(files, config, settings, jobs=jobs, quiet=quiet, json_out=json, without=no_plugin or [])
+    evaluate_and_show(
+        files,
+        config,
+        settings,
+        jobs=jobs,
+        quiet=quiet,
+        json_out=json,
+        without=no_plugin or [],
+        truth=truth,
+        examples=examples,
+    )
 
 
 @app.command()

@@ -200,8 +200,8 @@ class Collector:
         known, meeting = self.truths.get((met.receiver, met.donor)), attempted.attempt.meeting
         if known is None or known.T_receiver_donor is None:
             return None if known is None else Yardstick.of(known, None)
-        if meeting is None:
-            return None
+        if known.truth is not None or meeting is None:
+            return None if known.truth is None else Yardstick.of(known, known.truth)
         try:
             truth = Truth.of(meeting.map_type, meeting.target, meeting.donor_layer, known.T_receiver_donor, known.scale)
         except (MapError, PluginError):  # what fails there fails in the run, too, which tells of it

@@ -11,7 +11,7 @@ import pyarrow as pa
 from mapgraft.outputs.parquet_log import PartWriter
 from mapgraft.outputs.staging import Staging, writing
 from mapgraft.outputs.tables import Row, rows_table
-from mapgraft_schemas import table
+from mapgraft_schemas import Column, table
 
 NAME = "examples"
 _SAID_EMPTY = ("compared_type", "rule", "matcher", "acceptor", "fuser", "verifier", "state", "reason", "state_reason")
@@ -20,11 +20,15 @@ _SAID_EMPTY = ("compared_type", "rule", "matcher", "acceptor", "fuser", "verifie
 @cache
 def blank() -> Mapping[str, object]:
     """What a column of an example says where there is nothing to say."""
-    out: dict[str, object] = {}
-    for column in table(NAME).columns:
-        empty = column.type.startswith("list<") and not column.name.startswith("classes_")
-        out[column.name] = [] if empty else "" if column.name in _SAID_EMPTY else None
-    return out
+    return {column.name: _blank(column) for column in table(NAME).columns}
+
+
+def _blank(column: Column) -> object:
+    if column.type.startswith("list<struct<name: "):
+        return {}
+    if column.type.startswith("list<") and not column.name.startswith("classes_"):
+        return []
+    return "" if column.name in _SAID_EMPTY else None
 
 
 def examples_table(rows: Sequence[Row]) -> pa.Table:

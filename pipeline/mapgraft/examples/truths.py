@@ -18,11 +18,15 @@ Truths = Mapping[tuple[str, str], "Known"]  # by (receiver, donor)
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """Where a donor's map lies in a receiver's, None where the two do not belong together, and how that is known."""
+    """Where a donor's map lies in a receiver's, None where the two do not belong together, and how that is known.
+
+    ``truth`` is more of it, where somebody knows that already.
+    """
 
     T_receiver_donor: Transform | None
     by: str
     scale: float = 1.0
+    truth: Truth | None = None
 
 
 def inverted(known: Known) -> Known:
