@@ -7,6 +7,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from mapgraft.calibrate.acceptance import Floor, Threshold, acceptance, accepted, cost_floor, members
 from mapgraft.calibrate.groups import Group
 from mapgraft.calibrate.labelled import Labelled, Labels
@@ -142,6 +144,9 @@ def _rule(rule: Rule, examples: Sequence[Labelled], meant: Sequence[Labelled], a
         return choice(some, rule, asked)
 
     score, setting = choose(examples)
+    if asked.score not in (AUTO, FIT) and not np.isfinite(score.all(examples)).any():
+        there = ", ".join(sorted({name for example in examples for name in example.numbers}))
+        raise UsageError(f"no example tells the number {asked.score}: choose one of {there}")
     known = quality(setting, score, choose)
     floor = cost_floor(known.curve, asked.cost_false_accept, asked.cost_miss)
     buildings = sorted({name for example in setting for name in example.buildings})

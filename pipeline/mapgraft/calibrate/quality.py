@@ -69,12 +69,13 @@ def points(scores: Vector, right: np.ndarray) -> list[Point]:
     out = [Point(math.inf, 0.0, 0.0, math.nan)]
     order = np.argsort(-scores, kind="stable")
     rights, wrongs = np.cumsum(right[order]), np.cumsum(~right[order])
-    last = np.append(np.diff(scores[order]) != 0.0, True) if len(order) else np.zeros(0, np.bool_)
+    ranked = scores[order]
+    last = np.append(ranked[1:] != ranked[:-1], len(order) > 0)
     for place in np.flatnonzero(last).tolist():
         took_right, took_wrong = int(rights[place]), int(wrongs[place])
         out.append(
             Point(
-                float(scores[order[place]]),
+                float(ranked[place]),
                 took_wrong / max(1, int(wrongs[-1])),
                 took_right / max(1, int(rights[-1])),
                 took_right / (took_right + took_wrong),

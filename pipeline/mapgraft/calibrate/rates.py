@@ -37,7 +37,7 @@ class Rate:
         """``1.2 % (0.3 to 3.4) 4/333``."""
         if not self.of:
             return "none to count"
-        return f"{100 * self.value:.3g} % ({100 * self.low:.2g} to {100 * self.high:.2g}) {self.count}/{self.of}"
+        return f"{100 * self.value:.3g} % ({100 * self.low:.3g} to {100 * self.high:.3g}) {self.count}/{self.of}"
 
 
 def above(count: int, of: int, rate: float) -> float:

@@ -53,7 +53,7 @@ def _head(calibration: Calibration) -> Iterator[str]:
     for rule_fit in calibration.rules:
         transfer = rule_fit.transfer
         said = {"guaranteed": "guaranteed", "not refuted": "on an assumption", "none": "no guarantee"}
-        yield f"Other buildings, {rule_fit.rule.name!r}: {said[transfer.verdict]}. {transfer.reason}."
+        yield f"Other buildings, {rule_fit.rule.name!r}: {said[transfer.verdict]}: {transfer.reason}."
     yield from (f"Note: {remark}." for remark in calibration.remarks)
 
 
