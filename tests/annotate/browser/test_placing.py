@@ -64,7 +64,7 @@ def drawn(page: Any) -> Drawn:
     places = json.loads(page.locator("#example").get_attribute("data-places"))
     proposed, donor = places["hypotheses"][0], places["donor"]
     w, h = (size * donor["px_m"] for size in SIZE_PX)
-    corners = np.array([(0, 0), (w, 0), (w, h), (0, h)]) + (donor["x_m"], donor["y_m"])
+    corners = np.array([(0, 0), (w, 0), (w, h), (0, h)]) + np.array([donor["x_m"], donor["y_m"]])
     T = Transform.planar(proposed["x_m"], proposed["y_m"], proposed["yaw_rad"])
     return Drawn(points("outline"), points("ghost"), centre("knob"), centre("pivot"), T, corners)
 

@@ -23,12 +23,12 @@ let news = ""; // what was saved or undone, told together with what comes next
 function arrive() {
   const page = $("example");
   if (!page || page.dataset.n === undefined || !page.isConnected) return leaveStage();
+  document.body.removeAttribute("data-done");
   const data = JSON.parse(page.dataset.places);
   const names = { own: page.dataset.own, donor: page.dataset.donor };
   shown = { ...data, names, n: Number(page.dataset.n), ready: false, since: performance.now() };
-  const own = $("note");
   const before = left.get(shown.n);
-  if (before && own) own.value = before.reason;
+  if (before) $("note").value = before.reason;
   fetchMaps(shown, before);
 }
 
@@ -77,7 +77,7 @@ function whileLooking(next) {
 function leaveStage() {
   shown = null;
   stage.clear();
-  document.body.toggleAttribute("data-done", $("example")?.dataset.n === undefined);
+  document.body.setAttribute("data-done", "");
   if (news) speak(`${news} ${$("example")?.textContent.trim() ?? ""}`);
   news = "";
   whileLooking(null);
@@ -116,7 +116,7 @@ const step = () => shown?.step_m ?? 0.1;
 
 function press(id) {
   const button = $(id);
-  if (button && !button.disabled && !document.querySelector(".htmx-request")) button.click();
+  if (button && !button.disabled && !document.querySelector("#example .htmx-request")) button.click();
 }
 
 const actions = {

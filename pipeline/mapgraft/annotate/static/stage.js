@@ -23,7 +23,7 @@ export function createStage(box, canvas, svg, changed) {
 
   function draw() {
     waiting = false;
-    if (!scene) return;
+    if (!scene || view.width < 1 || view.height < 1) return; // nothing to show, or nowhere
     const own = { ...scene.own, pose: { x: 0, y: 0, yaw: 0, scale: 1 } };
     paint(canvas, view, own, { ...scene.donor, pose }, how, colours);
     const shown = { toScreen, donor: scene.donor, pose, hypothesis: hypothesis(), turning, k: view.k, height: view.height };
