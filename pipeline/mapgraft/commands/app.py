@@ -380,6 +380,23 @@ def andersone2021(
     conduct_and_show(files or [], config, out, settings, quiet=quiet, as_json=json, without=no_plugin or [])
 
 
+@app.command()
+def dataset(
+    outs: Annotated[list[Path], typer.Argument(metavar="OUT…", help="Folders of runs or evaluations.")],
+    to: Annotated[Path, typer.Option("--out", "-o", help="The dataset to write, or to add to.")],
+    split: Annotated[
+        list[str] | None, typer.Option(help="ENVIRONMENT=train, =validation or =test, if not as its name falls.")
+    ] = None,
+    licence: Annotated[str | None, typer.Option("--license", help="For the card, such as cc-by-4.0.")] = None,
+    json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Publish the examples of runs and evaluations with their labels as a dataset, split by building, with a card."""
+    from mapgraft.commands.dataset import publish_and_show
+
+    publish_and_show(outs, to, split or [], licence, as_json=json)
+
+
 @labels_app.command("export")
 def labels_export(
     outs: Annotated[list[Path], typer.Argument(metavar="OUT…", help="Folders of runs or evaluations, or datasets.")],

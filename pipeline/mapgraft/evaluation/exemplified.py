@@ -12,7 +12,7 @@ from pathlib import Path
 
 from mapgraft.config import Config
 from mapgraft.contracts import Transform
-from mapgraft.errors import UsageError
+from mapgraft.errors import OutputError, UsageError
 from mapgraft.evaluation.bench import Bench, Judged
 from mapgraft.evaluation.building import DONOR, RECEIVER, Pair
 from mapgraft.evaluation.courses import Course
@@ -22,7 +22,7 @@ from mapgraft.examples.collecting import Collector, Origin
 from mapgraft.examples.labels_csv import examples_truth, robots_truth
 from mapgraft.examples.rows import NAME, examples_table
 from mapgraft.examples.truths import GIVEN, RECORDED, Known
-from mapgraft.outputs.lock import locked
+from mapgraft.outputs.lock import DATASET, locked
 from mapgraft.outputs.parquet_log import PartWriter, other_parts
 from mapgraft.outputs.provenance import RunProvenance, run_id_of
 from mapgraft.outputs.staging import Staging, writing
@@ -137,6 +137,8 @@ class Identified:
 
         Raises OutputError when the folder cannot be written.
         """
+        if (out / DATASET).is_file():
+            raise OutputError(f"{out} holds a dataset, which 'mapgraft dataset' writes: choose another folder")
         with locked(out), writing(out):
             staging = Staging(out)
             part = PartWriter(staging, NAME, self.run_id)

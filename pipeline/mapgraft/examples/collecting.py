@@ -50,8 +50,8 @@ class Origin:
 
 
 def both(one: str, other: str) -> str:
-    """One name where both are the same, else the two joined, in order."""
-    return "+".join(sorted({one, other}))
+    """One name where both are the same, else the two joined, in order; no name has a ``+`` of its own."""
+    return "+".join(sorted({name.replace("+", "_") for name in (one, other)}))
 
 
 @dataclass(slots=True, eq=False)

@@ -10,6 +10,7 @@ from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from mapgraft.contracts import Transform
@@ -92,6 +93,20 @@ class ExampleFolder:
             return pa.concat_tables(
                 [self._whole(number, columns) for number in range(len(self.files))], promote_options="default"
             ).unify_dictionaries()
+
+    def batches(self, run_id: str) -> Iterator[pa.Table]:
+        """Everything about the examples of one run as it is in the files, a row group at a time."""
+        for number in range(len(self.files)):
+            if not any(key.run_id == run_id and place.file == number for key, place in self._places.items()):
+                continue
+            with self._lock:
+                opened = self._file(number)
+            for group in range(opened.num_row_groups):
+                with self._lock:
+                    found = opened.read_row_group(group)
+                if "run_id" in found.column_names:
+                    found = found.filter(pc.equal(found["run_id"], run_id))
+                yield found
 
     def row(self, key: ExampleKey, columns: Sequence[str] | None = None) -> dict[str, Any]:
         """One example as plain values, all columns but pictures and classes if none are named; stamps in nanoseconds.

@@ -12,8 +12,8 @@ from mapgraft.errors import OutputError
 from mapgraft.outputs.staging import JOURNAL, settle, writing
 
 LOCK = ".mapgraft.lock"
-RUN, EXPERIMENT = "summary.json", "experiment.json"  # who finds one of them finds everything that goes with it
-_HOLDS = {RUN: "a run", EXPERIMENT: "an experiment"}
+RUN, EXPERIMENT, DATASET = "summary.json", "experiment.json", "dataset.json"  # who finds one finds all of its kind
+_HOLDS = {RUN: "a run", EXPERIMENT: "an experiment", DATASET: "a dataset"}
 
 
 def require_kind(out: Path, kind: str) -> None:

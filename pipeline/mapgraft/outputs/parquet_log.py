@@ -34,7 +34,7 @@ class PartWriter:
     """Streams one part of one table; rows must come sorted as the table says. Methods raise OSError.
 
     ``writer`` tells several of them apart, who write parts of one table at the same time. The final name holds
-    ``digits`` hex digits of the part's content.
+    ``digits`` hex digits of the part's content. ``folder`` is another one than that of the run's partition.
     """
 
     def __init__(
@@ -45,9 +45,10 @@ class PartWriter:
         writer: str = "",
         group_rows: int | None = None,
         digits: int = _DIGITS,
+        folder: str = "",
     ) -> None:
         self._group_rows, self._digits = group_rows or _GROUP_ROWS_OF.get(name, _GROUP_ROWS), digits
-        self._folder, self._staging = f"{name}/run_id={run_id}", staging
+        self._folder, self._staging = folder or f"{name}/run_id={run_id}", staging
         self._name = f"{self._folder}/{UNTITLED.replace('.parquet', f'{writer}.parquet')}"
         self._waiting: list[pa.Table] = []
         self._rows = self._bytes = 0
@@ -80,15 +81,17 @@ class PartWriter:
         if self._rows >= self._group_rows or self._bytes >= _GROUP_BYTES:
             self._write_group()
 
-    def close(self) -> None:
-        """The part is whole and on disk when this returns."""
+    def close(self) -> str:
+        """The part is whole and on disk when this returns; returns the name that it will have."""
         if self._rows:
             self._write_group()
         self._writer.close()
         sync(self._stream)
         self._stream.close()
         digest = sha256_of(self._staging.partial(self._name))
-        self._staging.call(self._name, f"{self._folder}/part-00000-{digest[: self._digits]}.parquet")
+        name = f"{self._folder}/part-00000-{digest[: self._digits]}.parquet"
+        self._staging.call(self._name, name)
+        return name
 
     def claimed(self) -> int | None:
         """A descriptor that, until it is closed, tells others that somebody writes this part; None where it is gone."""

@@ -82,11 +82,12 @@ def snapshot_row(number: int, snapshot: Snapshot, sha256: str, repeated: bool) -
 
 def rows_table(name: str, rows: Sequence[Row]) -> pa.Table:
     """Rows (column → value; stamps in integer nanoseconds) as a table of the schema ``name``."""
-    arrays = [_array([row[column.name] for row in rows], column.type) for column in table(name).columns]
+    arrays = [array_of([row[column.name] for row in rows], column.type) for column in table(name).columns]
     return pa.Table.from_arrays(arrays, schema=arrow_schema(name))
 
 
-def _array(values: Sequence[Any], type_text: str) -> pa.Array:
+def array_of(values: Sequence[Any], type_text: str) -> pa.Array:
+    """Values as a column of a type, spelt as the schemas spell it; stamps in integer nanoseconds."""
     arrow_type = _ARROW[type_text]
     if type_text == "dictionary<string>":
         return pa.array(values, pa.string()).dictionary_encode()
