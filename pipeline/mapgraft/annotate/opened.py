@@ -184,12 +184,13 @@ class Opened:
 
 def open_folders(paths: Sequence[Path]) -> Opened:
     """The examples of these folders; raises UsageError, with the folder's name, for one that has none."""
-    distinct = {path.resolve(): path for path in reversed(paths)}
+    distinct = dict[Path, Path]()
     for path in paths:
         if not path.is_dir():
             raise UsageError(f"{path} is no folder: name the folder of a run, an evaluation or a dataset")
+        distinct.setdefault(path.resolve(), path)
     try:
-        return Opened([ExampleFolder(path) for path in reversed(distinct.values())])
+        return Opened([ExampleFolder(path) for path in distinct.values()])
     except MapgraftError:
         raise
     except UNREADABLE as error:

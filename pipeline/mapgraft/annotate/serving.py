@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import ipaddress
 import os
+import signal
 import socket
 import sys
 import webbrowser
@@ -91,8 +92,21 @@ def server_of(app: App) -> uvicorn.Server:
 
 def serve(app: App, listening: socket.socket) -> None:
     """Answer requests until Ctrl-C, SIGTERM or SIGHUP; what is being written down then is written first."""
-    with suppress(KeyboardInterrupt):
-        server_of(app).run(sockets=[listening])
+    server = server_of(app)
+    with suppress(KeyboardInterrupt), _ended_by_hangup(server):
+        server.run(sockets=[listening])
+
+
+@contextmanager
+def _ended_by_hangup(server: uvicorn.Server) -> Iterator[None]:
+    """Closing the terminal ends the server as Ctrl-C does, which it knows to handle; under nohup it does not."""
+    before = signal.getsignal(signal.SIGHUP)
+    if before is not signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, server.handle_exit)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 @contextmanager

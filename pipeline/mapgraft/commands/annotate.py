@@ -55,16 +55,18 @@ def annotate_and_wait(folders: Sequence[Path], asked: Asked) -> None:
     listening = listen(asked.host, asked.port)
     token = new_token()
     address = address_of(listening, token)
-    _tell(desk, address)
     if not is_local(listening):
         _warn(asked.host)
+    _tell(desk, address)
     with browsing(address, asked.browser):
         serve(
             application(desk, token, doors_of(asked.host, listening), name, partial(_tell_error, asked.tracebacks)),
             listening,
         )
     opened.tidy()
-    results().print(cell(f"{_answers(desk.given)} written down; the same command goes on where this one stopped"))
+    results().print(
+        cell(f"{_answers(desk.given)} written down; the same command goes on where this one stopped"), soft_wrap=True
+    )
 
 
 def _named(name: str, check: Callable[[str], str]) -> str:
@@ -76,26 +78,27 @@ def _named(name: str, check: Callable[[str], str]) -> str:
 
 def _tell(desk: Desk, address: str) -> None:
     """What was opened goes beside the address, which is the one line on stdout until the end."""
-    said = remarks()
     for count, why in desk.left_out:
-        said.print(cell(f"{count} left out: {why}"))
-    said.print(cell(f"{len(desk)} to judge; every answer is saved at once. Ctrl-C ends. Open, in a browser here:"))
+        _remark(f"{count} left out: {why}")
+    _remark(f"{len(desk)} to judge; every answer is saved at once. Ctrl-C ends. Open in a browser:")
     results().print(cell(address), soft_wrap=True)
 
 
 def _tell_error(tracebacks: bool, error: Exception) -> None:
-    remarks().print(cell(f"internal error, {type(error).__name__}: {error}"))
+    _remark(f"internal error, {type(error).__name__}: {error}")
     if tracebacks:
-        remarks().print(cell("".join(traceback.format_exception(error))))
+        _remark("".join(traceback.format_exception(error)))
 
 
 def _warn(host: str) -> None:
-    remarks().print(
-        cell(
-            f"--host {host}: other machines reach this page. Whoever has the address can answer and see all maps, and "
-            "whoever is on the way can read it: nothing is encrypted. Better: leave --host out and use 'ssh -L'."
-        )
+    _remark(
+        f"--host {host}: other machines reach this page. Whoever has the address sees all maps and can answer, and "
+        "whoever is on the way can read along, for nothing is encrypted. Better: leave --host out, and use 'ssh -L'."
     )
+
+
+def _remark(sentence: str) -> None:
+    remarks().print(cell(sentence), soft_wrap=True)
 
 
 def _answers(count: int) -> str:
