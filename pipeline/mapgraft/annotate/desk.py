@@ -16,12 +16,13 @@ from mapgraft.annotate.agreement import agreements, mean_kappa
 from mapgraft.annotate.opened import UNREADABLE, Opened
 from mapgraft.annotate.queue import Queue
 from mapgraft.annotate.shown import Outcome, Place, Progress, Said, Shown, Which, Word
+from mapgraft.annotate.telling import REASON_CHARACTERS
 from mapgraft.annotate.words import CODES, Words
 from mapgraft.outputs.label_parts import MANY, gather
 from mapgraft.pages import readable
 
 NAME_CHARACTERS: Final = 64
-REASON_CHARACTERS: Final = 2_000
+MOST_NAMED: Final = 50  # annotators whose names are shown
 FARTHEST_M: Final = 1e6  # to which a map is dragged
 LONGEST_S: Final = 86_400.0  # that somebody is believed to have looked at one example
 
@@ -74,10 +75,10 @@ class Desk:
         return [(count, why) for why, count in self._opened.left_out.items()]
 
     def annotators(self) -> tuple[str, ...]:
-        """Everybody who has said something, by name."""
+        """Those who have said something, by name; of many, those who said most."""
         with self._lock:
             self._words.refresh()
-            return tuple(sorted(self._words.codes))
+            return tuple(sorted(name for name in self._most(MOST_NAMED) if _is_name(name)))
 
     def next(self, annotator: str) -> int | None:
         """The example that somebody is to judge now; the same until they have, None when they have judged all."""
@@ -152,7 +153,8 @@ class Desk:
         """How far somebody is, and how far annotators agree."""
         with self._lock:
             codes = self._words.codes
-            said = {name: int((row > 0).sum()) for name, row in sorted(codes.items())}
+            named = {*self._most(MOST_NAMED), *({annotator} & codes.keys())}
+            said = {name: int(np.count_nonzero(codes[name])) for name in sorted(named)}
             pairs = agreements(codes, annotator)
             answered = said.get(annotator, 0)
             labelled = int((self._words.count > 0).sum())
@@ -177,6 +179,11 @@ class Desk:
             except UNREADABLE:
                 self._queue.leave_out(n)
 
+    def _most(self, count: int) -> list[str]:
+        """The annotators who have said most."""
+        codes = self._words.codes
+        return sorted(codes, key=lambda name: (-int(np.count_nonzero(codes[name])), name))[:count]
+
     def _others(self, annotator: str) -> list[int]:
         """What others are looking at."""
         return [n for name, n in self._shown_to.items() if name != annotator]
@@ -196,6 +203,13 @@ def checked_name(name: str) -> str:
     if not known.isprintable() or readable(known) != known:
         raise ValueError("a name has only characters that one can see")
     return known
+
+
+def _is_name(name: str) -> bool:
+    try:
+        return checked_name(name) == name
+    except ValueError:
+        return False
 
 
 def _place(form: Mapping[str, str]) -> Place:

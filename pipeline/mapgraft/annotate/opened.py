@@ -27,6 +27,7 @@ from mapgraft.persons import SAME_PLACE_M, SAME_TURN_RAD
 LISTED: Final = ("run_id", "environment", "truth", "T_receiver_donor", "own_px_m", "donor_px_m")
 ROBOTS: Final = ("receiver", "donor")
 TRUTHS: Final = ("right", "wrong")
+RUN_CHARACTERS: Final = 128  # of an id that is to be in the name of a folder
 PICTURE_BYTES: Final = 4 * 2**20
 PICTURE_PX: Final = 4_096  # of a side
 REMEMBERED: Final = 256  # examples, and half as many pictures
@@ -171,7 +172,7 @@ class Opened:
     def _left_out(self, key: ExampleKey, pictured: bool) -> str | None:
         if not pictured:
             return "without pictures of both maps"
-        if not is_run_id(key.run_id):
+        if not is_run_id(key.run_id) or len(key.run_id) > RUN_CHARACTERS:
             return "of a run whose name is none"
         return "in an earlier folder, too" if key in self._numbers else None
 

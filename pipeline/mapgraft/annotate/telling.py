@@ -18,6 +18,7 @@ OUTCOME: Final = (
     *("truth", "truth_error_m", "truth_error_deg"),
 )
 TEXT_CHARACTERS: Final = 500  # of a name or a reason
+REASON_CHARACTERS: Final = 2_000  # of what an annotator says
 HYPOTHESES: Final = 32
 EVIDENCE: Final = 500  # numbers
 STEP_M: Final = 0.1  # of an arrow key, where no resolution is known
@@ -69,10 +70,10 @@ def outcome_of(row: Mapping[str, Any]) -> Outcome:
     )
 
 
-def text(value: object) -> str:
+def text(value: object, characters: int = TEXT_CHARACTERS) -> str:
     """A text of bounded length; empty for None."""
     given = "" if value is None else str(value)
-    return given if len(given) <= TEXT_CHARACTERS else f"{given[: TEXT_CHARACTERS - 1]}…"
+    return given if len(given) <= characters else f"{given[: characters - 1]}…"
 
 
 def number(value: float | None) -> float | None:

@@ -13,6 +13,7 @@ from mapgraft import examples
 from mapgraft.annotate.agreement import Codes
 from mapgraft.annotate.opened import Opened
 from mapgraft.annotate.shown import Said, Word
+from mapgraft.annotate.telling import REASON_CHARACTERS, text
 from mapgraft.contracts import Transform
 from mapgraft.errors import TransformError
 from mapgraft.examples import ExampleKey, transform_of
@@ -92,7 +93,7 @@ class Words:
             self._put(examples.Word(key, row["label"], who, judged, held, row["comment"] or "", at_ns or 0, None))
 
     def _put(self, found: examples.Word) -> None:
-        n, annotator, at_ns = self._opened.number(*found.key), found.annotator, found.said_ns
+        n, annotator, at_ns = self._opened.number(*found.key), text(found.annotator), found.said_ns
         if n is None or not self._opened.is_about(n, found.T_judged):
             return
         if annotator not in self._words and len(self._words) >= MOST_ANNOTATORS:
@@ -105,7 +106,10 @@ class Words:
         said = next((said for said in CODES if said == found.label), None)  # None: withdrawn
         code = 0 if said is None else CODES[said]
         place = self._opened.moved(n, found.T_receiver_donor)
-        words[n] = at_ns, None if said is None else Word(n, annotator, said, found.comment, place, at_ns)
+        words[n] = (
+            at_ns,
+            None if said is None else Word(n, annotator, said, text(found.comment, REASON_CHARACTERS), place, at_ns),
+        )
         self._counts[codes[n], n] -= 1
         self._counts[code, n] += 1
         codes[n] = code
