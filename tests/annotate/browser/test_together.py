@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from toy_examples import RUN, write_toys
+from toy_examples import write_toys
 
 from mapgraft.examples import ExampleFolder
 
@@ -120,12 +120,39 @@ def test_names_with_script_are_text(tmp_path: Path, start: Callable[..., Any], v
     assert asked and all(url.split("/")[2] == host for url in asked)
 
 
+def test_each_example_says_whose_maps_of_which_type(tmp_path: Path, start: Callable[..., Any], visit: Any) -> None:
+    kinds = {
+        "floor_plan": "floor plan",
+        "point_cloud": "point cloud, seen from above",
+        "line_segments": "line segments",
+    }
+    for number, kind in enumerate(kinds):
+        write_toys(tmp_path / kind, 1, run_id=f"r{number}")
+        types = {"receiver_type": "occupancy_grid", "donor_type": kind}
+        rename(tmp_path / kind, receiver=f"own-{kind}", donor=f"donor-{kind}", **types)
+    page = visit(start(*(tmp_path / kind for kind in kinds)), "Finn")
+    seen = set()
+    for _ in kinds:
+        kind = page.locator("#question .donor").inner_text().removeprefix("donor-")
+        assert f"own-{kind}" in page.locator("#question").inner_text()
+        legend = page.locator(".legend.overlay").inner_text().split()
+        assert legend == [f"own-{kind}", f"donor-{kind},", "overlaid", "walls", "of", "both"]
+        assert page.locator("#stage").get_attribute("aria-label") == f"donor-{kind}’s map, laid on own-{kind}’s"
+        facts = page.locator("dl.facts").first.inner_text()
+        assert kinds[kind] in facts
+        assert "grid map" in facts
+        seen.add(kind)
+        if len(seen) < len(kinds):
+            answered(page, "u")
+    assert seen == set(kinds)
+
+
 def rename(folder: Path, **names: str) -> None:
-    """Write the examples again with other robots' names."""
+    """Write the examples again with other names of robots, or of map types."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    (path,) = (folder / "examples" / f"run_id={RUN}").glob("part-*.parquet")
+    (path,) = (folder / "examples").glob("run_id=*/part-*.parquet")
     table = pq.ParquetFile(path).read()
     for column, name in names.items():
         at = table.schema.get_field_index(column)

@@ -16,7 +16,8 @@ const stage = createStage(box, $("maps"), $("marks"), posed);
 const speak = said($("said"));
 const left = new Map(); // n → what was on the page when it was answered, for undo
 let shown = null; // the example on the page; ready: its maps can be seen
-let [viewMode, blinking, asked] = [false, 0, 0];
+let [viewMode, blinking] = [false, 0];
+let [acted, asked] = [0, 0]; // when a key or button was pressed last; when one that asks the server was
 let judged = null; // the example whose answer was saved, until it is told what the robot had made of it
 let news = ""; // what was saved or undone, told together with what comes next
 
@@ -27,6 +28,8 @@ function arrive() {
   const data = JSON.parse(page.dataset.places);
   const names = { own: page.dataset.own, donor: page.dataset.donor };
   shown = { ...data, names, n: Number(page.dataset.n), ready: false, since: performance.now() };
+  for (const place of document.querySelectorAll("[data-name]")) place.textContent = names[place.dataset.name];
+  box.setAttribute("aria-label", `${names.donor}’s map, laid on ${names.own}’s`);
   const before = left.get(shown.n);
   if (before) $("note").value = before.reason;
   fetchMaps(shown, before);
@@ -58,12 +61,19 @@ async function fetchMaps(example, before) {
 function arrived(example) {
   pressPicked();
   posed();
-  if (asked) performance.measure("next", { start: asked, end: performance.now(), detail: example.n });
+  const since = asked;
+  requestAnimationFrame(() => setTimeout(() => painted(since)));
   if (asked && [document.body, null].includes(document.activeElement)) box.focus({ preventScroll: true });
   asked = 0;
   speak(`${news} ${$("question").textContent.trim().replace(/\s+/g, " ")} ${$("example").dataset.told}`.trim());
   news = "";
   setTimeout(() => whileLooking(example.next)); // what is not needed at once comes after the maps are on the screen
+}
+
+// Called when the frame with the new maps is on the screen; the browser's tools, and ours, read these times.
+function painted(since) {
+  if (since) performance.measure("next", { start: since, end: performance.now() });
+  else if (!performance.getEntriesByName("ready").length) performance.mark("ready");
 }
 
 function whileLooking(next) {
@@ -252,7 +262,7 @@ function addReason(reason) {
 // The answer takes along where the map lies. What is shown is what is judged: "right" far from the proposal says that
 // the proposal was wrong and the place shown is right; "wrong" and "unsure" give no place.
 document.addEventListener("htmx:configRequest", (event) => {
-  if (event.detail.target.id === "example") asked = performance.now();
+  if (event.detail.target.id === "example") asked = acted;
   if (event.detail.elt.id !== "answer") return;
   if (!shown?.ready) return event.preventDefault(); // nobody judges what cannot be seen yet
   const sent = event.detail.parameters;
@@ -265,6 +275,7 @@ document.addEventListener("htmx:configRequest", (event) => {
   news = `Saved: ${sent.label}${here ? ", with the place" : ""}.`;
 });
 
+for (const kind of ["keydown", "pointerup"]) document.addEventListener(kind, (event) => (acted = event.timeStamp), true);
 document.addEventListener("answered", (event) => {
   $("alarm").hidden = true;
   judged = event.detail.n;

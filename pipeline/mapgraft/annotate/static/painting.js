@@ -84,11 +84,17 @@ function overlay(pen, { own, donor }, opacity, colours) {
   pen.globalAlpha = 1;
 }
 
-// Walls are thin: where several cells share a pixel they are drawn a cell wider, so that none gets lost.
+// Walls are thin: where several cells share a pixel they are drawn a cell wider, so that none gets lost, and where a
+// cell has hardly more than a pixel they are drawn a pixel wider, so that lines are seen from afar.
 function walls(pen, map, colour) {
-  const small = Math.hypot(map.at[0], map.at[1]) < 0.8;
-  put(pen, tinted(small ? map.picture.nearWalls : map.picture.walls, colour), map.at);
+  const scale = Math.hypot(map.at[0], map.at[1]);
+  if (scale < 0.8 || scale > 2.5) return put(pen, tinted(scale < 0.8 ? map.picture.nearWalls : map.picture.walls, colour), map.at);
+  const mix = cleared(); // drawn once, however often its parts lie on each other
+  for (const [x, y] of [[0, 0], [1, 0], [0, 1]]) put(mix, tinted(map.picture.walls, colour), shifted(map.at, x, y));
+  pen.drawImage(spare, 0, 0);
 }
+
+const shifted = ([a, b, c, d, e, f], x, y) => [a, b, c, d, e + x, f + y];
 
 function difference(pen, { own, donor }, colours) {
   for (const map of [own, donor]) {
