@@ -140,7 +140,7 @@ def test_with_buildings_enough_a_further_one_keeps_the_promise(made: Make, insta
         middles = rng.normal(0.0, 1.5, 12)
         known = [made(f"b{n}", 40, 100 * seed + n, wrong_at=m) for n, m in enumerate(middles[:-2].tolist())]
         found = fit_of(calibrate(labels(*known), installed, Asked(0.2)))
-        assert found.transfer.verdict in ("guaranteed", "none")
+        assert found.transfer.verdict == "guaranteed"
         limit = found.fits[0].accept
         for middle in middles[-2:].tolist():
             fresh = [e for e in made("new", 60, 9000 + seed, wrong_at=middle) if e.right is False]
@@ -156,7 +156,7 @@ def test_maps_unlike_those_labelled_are_told(made: Make, installed: list[Rule], 
         made("e", 300, 8, wrong_at=2.0),
         made("f", 50, 9, of=group(0.3)),
     )
-    for meant, verdict in ((like, "not refuted"), (unlike_, "none"), (other, "none")):
+    for meant, verdict in ((like, "not refuted"), (like[:20], "none"), (unlike_, "none"), (other, "none")):
         blind = [dataclasses.replace(example, right=None, by="") for example in meant]
         found = fit_of(calibrate(known, installed, Asked(0.02), labels(blind)))
         assert found.transfer.verdict == verdict

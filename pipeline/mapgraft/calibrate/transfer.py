@@ -60,8 +60,11 @@ class Target:
 
     @property
     def refuted(self) -> bool:
-        """Whether its scores are further off than those of any labelled building, and than chance explains."""
-        return bool(self.unknown_groups) or self.unlike > max(self.unlike_here, self.chance)
+        """Whether its scores are further off than those of any labelled building, and than chance explains.
+
+        What is too little to be compared, or of a kind without labels, is not vouched for either.
+        """
+        return bool(self.unknown_groups) or not self.unlike <= max(self.unlike_here, self.chance)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,6 +153,8 @@ def judged(
 
     if strange := [target for target in meant if target.refuted]:
         return said("none", "; ".join(f"{target.environment}: {_why(target)}" for target in strange))
+    if by_buildings:
+        return said("guaranteed", f"labels of {buildings} buildings are enough, if another is exchangeable with them")
     asked = [one for one in tested if one.wrong.of]
     if asked and min(one.doubt for one in asked) * len(asked) < DOUBT:  # Bonferroni: so many buildings were tried
         one = min(asked, key=lambda one: one.doubt)
@@ -160,8 +165,6 @@ def judged(
             f"the strictest of these {buildings} has set the threshold, and of {buildings + 1} that are exchangeable a "
             f"further one is stricter still with probability 1/{buildings + 1}",
         )
-    if by_buildings:
-        return said("guaranteed", f"labels of {buildings} buildings are enough, if another is exchangeable with them")
     if buildings < 2:
         return said("none", "labels are of one building only, which says nothing about another")
     if len(asked) < 2:
@@ -177,6 +180,8 @@ def judged(
 def _why(target: Target) -> str:
     if target.unknown_groups:
         return f"there are no labels of {target.unknown_groups[0]}"
+    if math.isnan(target.unlike):
+        return f"its {target.examples} examples are too few to be compared, {_LEAST} are needed"
     return (
         f"its scores are {target.unlike:.2f} away from any mixture of the labelled right and wrong ones, the labelled "
         f"buildings at most {max(target.unlike_here, target.chance):.2f} from each other or by chance"
