@@ -100,3 +100,14 @@ def test_attempts_without_hypothesis_are_counted(made: Make, write_folder: Write
 def test_a_folder_without_examples_is_refused_in_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="has no examples"):
         read_labels([tmp_path])
+
+
+def test_rules_that_a_calibration_made_are_the_one_they_were_made_of(made: Make, write_folder: WriteFolder) -> None:
+    examples = made("a", 3, 1)
+    steps = examples[0].group.coarser
+
+    def renamed(row: dict[str, Any]) -> dict[str, Any]:
+        return row | {"rule": steps[row["position"]].rule_name(row["rule"])}
+
+    labels = read_labels([write_folder("d", examples, rows=renamed)])
+    assert {example.group for example in labels.examples} == {examples[0].group}

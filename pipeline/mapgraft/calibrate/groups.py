@@ -54,6 +54,15 @@ class Group:
         rest = "" if self.resolutions else ", any resolution"
         return f"{own} ← {other}{rest}, {self.reversal}"
 
+    def rule_name(self, base: str) -> str:
+        """What the rule for this group alone is called that is made of the rule ``base``."""
+        return f"{base}: {self.name}" if self.receiver_type else base
+
+    def base_of(self, rule: str) -> str | None:
+        """The rule that a rule for this group was made of, None where it is another one."""
+        suffix = f": {self.name}"
+        return rule.removesuffix(suffix) if self.receiver_type and rule.endswith(suffix) else None
+
     @property
     def conditions(self) -> dict[str, Any]:
         """The conditions of a decision table under which maps are of this group, beside those of the rule."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -174,7 +174,8 @@ def _first(row: Mapping[str, Any]) -> dict[str, float] | None:
 
 
 def _group(row: Mapping[str, Any]) -> Group:
-    return Group(
+    """The group of a row; a rule that a calibration has made is the one that it was made of."""
+    group = Group(
         row["rule"],
         row["receiver_type"],
         row["donor_type"],
@@ -183,6 +184,8 @@ def _group(row: Mapping[str, Any]) -> Group:
         told(row["donor_resolution_m"]),
         resolutions=True,
     )
+    base = next((name for step in group.coarser if (name := step.base_of(group.rule)) is not None), group.rule)
+    return replace(group, rule=base)
 
 
 def _unit(row: Mapping[str, Any]) -> tuple[str, ...]:

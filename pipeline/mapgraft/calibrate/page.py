@@ -129,7 +129,7 @@ def _targets(transfer: Transfer) -> list[Sequence[str]]:
             f"{one.examples}",
             _share(one.accepted),
             "–" if math.isnan(one.unlike) else f"{one.unlike:.2f}",
-            f"{max(one.unlike_here, one.chance):.2f}",
+            f"{one.expected:.2f}",
             "refuted" if one.refuted else "not refuted",
         )
         for one in transfer.target

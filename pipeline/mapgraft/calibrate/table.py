@@ -117,8 +117,7 @@ def _gain(limit: Limit) -> str:
 def _rule(rule_fit: RuleFit, fit: Fit) -> dict[str, Any]:
     """A rule of the table for one group."""
     base = plain(rule_fit.rule)
-    if fit.group.receiver_type:
-        base["name"] = f"{base['name']}: {fit.group.name}"
+    base["name"] = fit.group.rule_name(rule_fit.rule.name)
     base["when"] = {**base.get("when", {}), **fit.group.conditions}
     base["accept"] = _accept(rule_fit, fit.accept)
     base["verify"] = {**base["verify"], **_verify(fit)}

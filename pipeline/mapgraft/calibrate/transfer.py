@@ -59,12 +59,17 @@ class Target:
     unknown_groups: tuple[str, ...]
 
     @property
+    def expected(self) -> float:
+        """The distance up to which nothing is surprising."""
+        return max(self.unlike_here, self.chance)
+
+    @property
     def refuted(self) -> bool:
         """Whether its scores are further off than those of any labelled building, and than chance explains.
 
         What is too little to be compared, or of a kind without labels, is not vouched for either.
         """
-        return bool(self.unknown_groups) or not self.unlike <= max(self.unlike_here, self.chance)
+        return bool(self.unknown_groups) or not self.unlike <= self.expected
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,7 +189,7 @@ def _why(target: Target) -> str:
         return f"its {target.examples} examples are too few to be compared, {_LEAST} are needed"
     return (
         f"its scores are {target.unlike:.2f} away from any mixture of the labelled right and wrong ones, the labelled "
-        f"buildings at most {max(target.unlike_here, target.chance):.2f} from each other or by chance"
+        f"buildings at most {target.expected:.2f} from each other or by chance"
     )
 
 

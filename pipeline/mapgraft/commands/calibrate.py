@@ -17,6 +17,7 @@ from mapgraft.calibrate.fitting import Asked, Calibration, Fit, RuleFit, calibra
 from mapgraft.calibrate.labelled import read_labels
 from mapgraft.calibrate.page import page_of
 from mapgraft.calibrate.table import rules_text, written
+from mapgraft.calibrate.transfer import Target
 from mapgraft.config import Config
 from mapgraft.console import cell, print_json, remarks, results
 from mapgraft.decision import Rule, build_table
@@ -119,7 +120,8 @@ def show(calibration: Calibration, out: Path) -> None:
         _show_rule(rule_fit)
     if calibration.others:
         names = ", ".join(rule.name for rule in calibration.others if rule.reject is None)
-        results().print(cell(f"no labels, and nothing promised: {names}"), style="dim")
+        results().print()
+        results().print(cell(f"as they were, without labels and promises: {names}"), style="dim")
     results().print(cell(f"written: {out / RULES}, {DOCUMENT}, {PAGE}"))
 
 
@@ -139,6 +141,12 @@ def _show_rule(rule_fit: RuleFit) -> None:
     for fit in written(rule_fit):
         table.add_row(*(cell(text) for text in row(fit)))
     wide(results()).print(table)
+    for one in transfer.left_out:
+        said = "the others have too few labels" if one.threshold is None else f"above {one.threshold:.3f}"
+        shares = "" if one.threshold is None else f", wrong accepted {one.wrong.text}, right accepted {one.right.text}"
+        results().print(cell(f"  {one.building} by the labels of the others: {said}{shares}"))
+    for target in transfer.target:
+        results().print(cell(f"  {target.environment}, meant for: {_unlike(target)}"))
     results().print(cell(f"{_SAID[transfer.verdict]}: {transfer.reason}"), style=_style(transfer.verdict))
 
 
@@ -163,6 +171,14 @@ def row(fit: Fit) -> list[str]:
         *limits,
         by,
     ]
+
+
+def _unlike(target: Target) -> str:
+    """How the maps that are meant compare with the labelled ones."""
+    apart = "too few to compare" if math.isnan(target.unlike) else f"scores {target.unlike:.2f} from the labelled ones"
+    return (
+        f"{target.examples} examples, accepted {target.accepted.text}, {apart} ({target.expected:.2f} is no surprise)"
+    )
 
 
 def _style(verdict: str) -> str:
