@@ -14,7 +14,7 @@ from starlette.background import BackgroundTask
 from starlette.exceptions import HTTPException as HTTPError
 
 from mapgraft.annotate.desk import Answer, Desk, checked_name
-from mapgraft.annotate.pages import fragment, static_files
+from mapgraft.annotate.pages import fragment, prepare_pages, static_files
 from mapgraft.annotate.security import BODY_BYTES, App, Doors, Guard
 from mapgraft.annotate.shown import Which
 from mapgraft.errors import MapgraftError
@@ -34,6 +34,7 @@ def application(
 
     ``told`` is given errors that nobody has foreseen.
     """
+    prepare_pages()
     routes = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, redirect_slashes=False)
     _add_errors(routes, told)
     _add_static(routes)
@@ -146,7 +147,7 @@ def _add_errors(routes: FastAPI, told: Callable[[Exception], None]) -> None:
 def _annotator(default: str | None) -> Any:
     """The dependency that tells who asks."""
 
-    def who(annotator: Annotated[str | None, Cookie()] = None) -> str:
+    async def who(annotator: Annotated[str | None, Cookie()] = None) -> str:
         known = _known(annotator) or default
         if known is None:
             raise HTTPException(403, "say your name first: open the page")

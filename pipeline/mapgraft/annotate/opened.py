@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -25,7 +25,6 @@ from mapgraft.outputs.provenance import is_run_id
 from mapgraft.persons import SAME_PLACE_M, SAME_TURN_RAD
 
 LISTED: Final = ("run_id", "environment", "truth", "T_receiver_donor", "own_px_m", "donor_px_m")
-ROBOTS: Final = ("receiver", "donor")
 TRUTHS: Final = ("right", "wrong")
 RUN_CHARACTERS: Final = 128  # of an id that is to be in the name of a folder
 PICTURE_BYTES: Final = 4 * 2**20
@@ -55,7 +54,7 @@ class Opened:
         self.uncertainty = np.concatenate([uncertain for uncertain, _ in listed])
         self._T = np.concatenate([T for _, T in listed])
         self.keys: Sequence[ExampleKey] = tuple(self._numbers)
-        self.shown = lru_cache(REMEMBERED)(self._shown)
+        self._row = lru_cache(REMEMBERED)(self._read)
         self.picture = lru_cache(REMEMBERED // 2)(self._picture)
         if not self.keys:
             said = "; ".join(f"{count} {why}" for why, count in self.left_out.items()) or "there is none at all"
@@ -104,6 +103,10 @@ class Opened:
             return None
         return Place(T_held.x_m, T_held.y_m, T_held.yaw_rad)
 
+    def shown(self, n: int) -> Shown:
+        """An example without anything that tells what the robot made of it."""
+        return shown_of(n, self._row(n))
+
     def outcome(self, n: int) -> Outcome:
         """What the robot made of an example."""
         return outcome_of(self._folder(n).row(self.keys[n], OUTCOME))
@@ -120,15 +123,14 @@ class Opened:
     ) -> None:
         """Write a word down, beside the example; it is on disk when this returns. Raises OutputError."""
         key, T = self.keys[n], self._judged(n)
-        folder = self._folder(n)
-        robots = folder.row(key, ROBOTS)
-        _require_within(folder.path, key.run_id)
+        out, row = self._folder(n).path, self._row(n)
+        _require_within(out, key.run_id)
         label(
-            folder.path,
+            out,
             key.run_id,
             merge_id=key.example_id,
-            receiver=robots["receiver"],
-            donor=robots["donor"],
+            receiver=row["receiver"],
+            donor=row["donor"],
             verdict=said,
             by=annotator,
             reason=reason,
@@ -147,8 +149,8 @@ class Opened:
     def _folder(self, n: int) -> ExampleFolder:
         return self._folders[self._in[n]]
 
-    def _shown(self, n: int) -> Shown:
-        return shown_of(n, self._folder(n).row(self.keys[n], SHOWN))
+    def _read(self, n: int) -> Mapping[str, Any]:
+        return self._folder(n).row(self.keys[n], SHOWN)
 
     def _picture(self, n: int, which: Which) -> bytes:
         return checked_picture(self._folder(n).picture(self.keys[n], which))

@@ -6,7 +6,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Final
 
-from mapgraft.pages.document import render
+from mapgraft.pages import prepare, render
 
 PACKAGE: Final = "mapgraft.annotate"
 MEDIA_TYPES: Final = {
@@ -20,6 +20,12 @@ MEDIA_TYPES: Final = {
 def fragment(template: str, **values: object) -> str:
     """A template of this package with its values; raises jinja2.UndefinedError for one that it does not get."""
     return render(template, PACKAGE, **values)
+
+
+def prepare_pages() -> None:
+    """Read all that is on disk: what a server gives does not change while it runs, and the first page is fast."""
+    prepare(PACKAGE)
+    static_files()
 
 
 @cache

@@ -29,10 +29,12 @@ CONNECTIONS: Final = 128  # at once; a browser opens six
 def listen(host: str, port: int) -> socket.socket:
     """A socket that listens; port 0 is any free one. Raises UsageError when that cannot be had."""
     try:
-        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
+        family, _, protocol, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
     except (OSError, UnicodeError):
         raise UsageError(f"--host {host!r} is no address of this machine: leave it out, or give one") from None
-    listening = socket.socket(family, socket.SOCK_STREAM)
+    listening = socket.socket(family, socket.SOCK_STREAM, protocol)  # named, or every answer waits 40 ms for Nagle
     try:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # of connections that have ended
         listening.bind(address)

@@ -54,15 +54,13 @@ def annotate_and_wait(folders: Sequence[Path], asked: Asked) -> None:
     desk = Desk(opened)
     listening = listen(asked.host, asked.port)
     token = new_token()
+    app = application(desk, token, doors_of(asked.host, listening), name, partial(_tell_error, asked.tracebacks))
     address = address_of(listening, token)
     if not is_local(listening):
         _warn(asked.host)
     _tell(desk, address)
     with browsing(address, asked.browser):
-        serve(
-            application(desk, token, doors_of(asked.host, listening), name, partial(_tell_error, asked.tracebacks)),
-            listening,
-        )
+        serve(app, listening)
     opened.tidy()
     results().print(
         cell(f"{_answers(desk.given)} written down; the same command goes on where this one stopped"), soft_wrap=True
