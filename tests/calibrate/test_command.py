@@ -97,7 +97,7 @@ def test_maps_that_are_unlike_take_the_guarantee_away(
     meant = write_folder("meant", made("c", 300, 3, wrong_at=2.0), truth=False)
     out = str(tmp_path / "out")
     assert invoke(["calibrate", str(folder), "-o", out, "--false-accept", "0.02", "--for", str(meant)]) == 0
-    assert "no guarantee for other buildings: c: its scores are" in " ".join(capsys.readouterr().out.split())
+    assert "no guarantee for other buildings: Of c the scores are" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize(

@@ -33,9 +33,9 @@ def page_of(calibration: Calibration) -> str:
         tiles=[
             ("labelled examples", f"{len(labels.labelled)}", f"of {len(labels.examples)}"),
             ("buildings", f"{len(labels.buildings)}", ""),
-            ("wrong ones merged", f"≤ {100 * asked.false_accept:g} %", "asked for"),
-            ("wrong ones confirmed", f"≤ {100 * asked.false_confirm:g} %", "asked for"),
-            ("right ones reverted", f"≤ {100 * asked.false_revert:g} %", "asked for"),
+            ("wrong merged, asked for", f"≤ {100 * asked.false_accept:g} %", ""),
+            ("wrong confirmed", f"≤ {100 * asked.false_confirm:g} %", ""),
+            ("right reverted", f"≤ {100 * asked.false_revert:g} %", ""),
         ],
         rules=[_rule(calibration, rule_fit, number) for number, rule_fit in enumerate(calibration.rules)],
         remarks=calibration.remarks,

@@ -12,6 +12,8 @@ from mapgraft.outputs.report.words import number
 WIDTH, HEIGHT = 380.0, 264.0
 LEFT, RIGHT, TOP, BOTTOM = 50.0, 368.0, 12.0, 218.0
 
+_ROOM = 0.08  # of what is drawn, below and above
+
 Points = Sequence[tuple[float, float]]
 
 
@@ -108,10 +110,11 @@ def plot(
     xs, ys = ([value for value in values if math.isfinite(value)] for values in (xs, ys))
     if frame.x_names:
         xs = [-0.5, len(frame.x_names) - 0.5]
-    if not (frame.x or xs) or not (frame.y or ys):
+    if not xs or not ys:
         return None
+    room = 0.0 if boxes else _ROOM * (max(ys) - min(ys))  # so that no point lies on the frame; bars stand on it
     across = Axis.over(list(frame.x) if frame.x else xs, LEFT, RIGHT)
-    up = Axis.over(list(frame.y) if frame.y else ys, BOTTOM, TOP)
+    up = Axis.over(list(frame.y) if frame.y else [min(ys) - room, max(ys) + room], BOTTOM, TOP)
     names = [(across.at(float(n)), name) for n, name in enumerate(frame.x_names)]
     y_ticks = [(at, f"{float(text.replace(' ', '')) * 100:g} %" if frame.percent else text) for at, text in up.ticks(5)]
     return Plot(

@@ -37,7 +37,13 @@ class Rate:
         """``1.2 % (0.3 to 3.4) 4/333``."""
         if not self.of:
             return "none to count"
-        return f"{100 * self.value:.3g} % ({100 * self.low:.3g} to {100 * self.high:.3g}) {self.count}/{self.of}"
+        return f"{_percent(self.value)} % ({_percent(self.low)} to {_percent(self.high)}) {self.count}/{self.of}"
+
+
+def _percent(share: float) -> str:
+    """Two digits below ten percent, and one place after the point above."""
+    percent = 100.0 * share
+    return f"{percent:.2g}" if percent < 9.95 else f"{percent:.1f}".removesuffix(".0")
 
 
 def above(count: int, of: int, rate: float) -> float:

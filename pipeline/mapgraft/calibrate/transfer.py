@@ -131,12 +131,13 @@ def target_of(
 ) -> list[Target]:
     """How the maps for which thresholds are meant compare with what was labelled, an environment at a time.
 
-    ``apart`` is how far the labelled buildings are from each other.
+    ``apart`` is how far the labelled buildings are from each other. Pairs across two buildings are left out: they are
+    all wrong, and no mission has them.
     """
     out = []
     known = {example.group for example in examples if example.right is not None}
     right, wrong = _by_label(examples, score)
-    for name in sorted({example.environment for example in meant}):
+    for name in sorted({example.environment for example in meant if len(example.buildings) == 1}):
         here = [example for example in meant if example.environment == name]
         scores = score.all(here)
         took = sum(value > limits.get(e.group, math.inf) for value, e in zip(scores.tolist(), here, strict=True))
@@ -156,20 +157,20 @@ def judged(
     def said(verdict: Verdict, reason: str) -> Transfer:
         return Transfer(verdict, reason, buildings, best_rate(buildings), tested, meant)
 
-    if strange := [target for target in meant if target.refuted]:
-        return said("none", "; ".join(f"{target.environment}: {_why(target)}" for target in strange))
+    asked = [one for one in tested if one.wrong.of]
+    against = [_why(target) for target in meant if target.refuted]
+    if asked and not by_buildings and min(one.doubt for one in asked) * len(asked) < DOUBT:  # Bonferroni
+        one = min(asked, key=lambda one: one.doubt)
+        against.append(
+            f"with labels of the other buildings alone {one.wrong.text} of the wrong ones in {one.building} would be "
+            f"accepted where {100 * rate:g} % was asked for: they differ too much for the bound to carry over; the "
+            f"strictest of these {buildings} has set the threshold, and of {buildings + 1} that are exchangeable a "
+            f"further one is stricter still with probability 1/{buildings + 1}"
+        )
+    if against:
+        return said("none", ". ".join(sentence[:1].upper() + sentence[1:] for sentence in against))
     if by_buildings:
         return said("guaranteed", f"labels of {buildings} buildings are enough, if another is exchangeable with them")
-    asked = [one for one in tested if one.wrong.of]
-    if asked and min(one.doubt for one in asked) * len(asked) < DOUBT:  # Bonferroni: so many buildings were tried
-        one = min(asked, key=lambda one: one.doubt)
-        return said(
-            "none",
-            f"with labels of the other buildings alone {one.wrong.text} of the wrong ones in {one.building} would be "
-            f"accepted where {100 * rate:g} % was asked for: they differ too much for the bound to carry over; "
-            f"the strictest of these {buildings} has set the threshold, and of {buildings + 1} that are exchangeable a "
-            f"further one is stricter still with probability 1/{buildings + 1}",
-        )
     if buildings < 2:
         return said("none", "labels are of one building only, which says nothing about another")
     if len(asked) < 2:
@@ -184,12 +185,12 @@ def judged(
 
 def _why(target: Target) -> str:
     if target.unknown_groups:
-        return f"there are no labels of {target.unknown_groups[0]}"
+        return f"of {target.environment} there are maps without any labels: {target.unknown_groups[0]}"
     if math.isnan(target.unlike):
-        return f"its {target.examples} examples are too few to be compared, {_LEAST} are needed"
+        return f"of {target.environment} there are {target.examples} examples, {_LEAST} are needed to be compared"
     return (
-        f"its scores are {target.unlike:.2f} away from any mixture of the labelled right and wrong ones, the labelled "
-        f"buildings at most {target.expected:.2f} from each other or by chance"
+        f"of {target.environment} the scores are {target.unlike:.2f} away from any mixture of the labelled ones, the "
+        f"labelled buildings at most {target.expected:.2f} from each other or by chance"
     )
 
 
