@@ -82,7 +82,10 @@ class Grafted:
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """What came of it. ``match`` is the chosen or else the best hypothesis; ``grafted`` is there when accepted."""
+    """What came of it. ``match`` is the chosen or else the best hypothesis; ``grafted`` is there when accepted.
+
+    ``found`` is what the matcher found, ``candidates`` what the acceptor was shown, ``meeting`` where the maps met.
+    """
 
     verdict: Literal["provisional", "ambiguous", "unmatched"]
     reason: str
@@ -90,6 +93,9 @@ class Attempt:
     match: Match | None = None
     measurements: Sequence[Measurement] = ()
     grafted: Grafted | None = None
+    found: Sequence[Match] = ()
+    candidates: Sequence[Candidate] = ()
+    meeting: Meeting | None = None
 
 
 @dataclass(slots=True)
@@ -123,7 +129,11 @@ class Attempts:
         empty = [side for side, map_ in (("own", target), ("donor's", source)) if map_.known() == 0]
         if empty:
             return Attempt("unmatched", f"the {' and the '.join(empty)} map knows nothing yet", 0)
-        found = tools.matcher.match(target, source, prior)
+        found = tuple(tools.matcher.match(target, source, prior))
+        return replace(self._choose(tools, meeting, found, about_m), found=found, meeting=meeting)
+
+    def _choose(self, tools: Tools, meeting: Meeting, found: Sequence[Match], about_m: Sequence[float]) -> Attempt:
+        """What came of what the matcher has found."""
         donor = meeting.provenance.source
         sifted = self.refusals.sift(donor, found, tools.rule.retry.reverted, about_m)
         if not sifted.matches:
@@ -197,6 +207,7 @@ class Attempts:
             chosen.match,
             tuple(chosen.measurements.values()),
             self._graft(tools, meeting, chosen.match) if accepted else None,
+            candidates=candidates,
         )
 
     def _candidate(self, tools: Tools, meeting: Meeting, match: Match) -> Candidate:

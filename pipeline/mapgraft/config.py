@@ -285,12 +285,65 @@ class LimitsConfig(Section):
 class OutputConfig(Section):
     """What is written beside the events.
 
-    ``snapshots`` writes maps to the MCAP before and after merges and reverts, ``report`` the page ``report.html``.
+    ``snapshots`` writes maps to the MCAP before and after merges and reverts, ``examples`` the table of all attempts
+    with pictures, ``report`` the page ``report.html``.
     """
 
     snapshots: bool = True
     scans: bool = False
+    examples: bool = True
     report: bool = True
+
+
+class TruthConfig(Section):
+    """Where a donor's map really lies in a receiver's; without a pose the two do not belong together."""
+
+    receiver: str
+    donor: str
+    x_m: Seconds | None = None
+    y_m: Seconds | None = None
+    yaw_rad: Annotated[float, Field(ge=-TURN_RAD, le=TURN_RAD)] | None = None
+    scale: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if len({self.x_m is None, self.y_m is None, self.yaw_rad is None}) > 1:
+            raise ValueError("a true pose is x_m, y_m and yaw_rad, or none of them")
+        return self
+
+
+class ExamplesConfig(Section):
+    """What is known of the examples of a run, beside what the run finds out; it makes no other run.
+
+    ``environments`` tells of recordings, by their stems, in which building they were made, where it is called
+    otherwise. With ``trusted_poses`` the recorded poses are the truth: robots whose map frames the recording places in
+    one world lie as it says. ``truth`` tells of pairs of robots, in place or as a CSV file that ``mapgraft labels
+    export`` has written; it goes before recorded poses.
+    """
+
+    environments: dict[str, str] = Field(default_factory=dict)
+    trusted_poses: bool = False
+    truth: list[TruthConfig] | Path = Field(default_factory=list)
+
+
+Rate = Annotated[float, Field(gt=0, lt=1)]
+Cost = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class CalibrateConfig(Section):
+    """What ``mapgraft calibrate`` is to promise; its options go before. A run does not look at it.
+
+    At most these shares of wrong hypotheses are merged (``false_accept``) and confirmed, and of right merges reverted.
+    ``score`` is ``auto``, ``fit``, or the number to go by. With ``cost_false_accept`` nothing is merged that costs more
+    than it saves, where not to merge what is right costs ``cost_miss``.
+    """
+
+    false_accept: Rate = 0.01
+    false_confirm: Rate = 0.001
+    false_revert: Rate = 0.01
+    score: str = "auto"
+    cost_false_accept: Cost | None = None
+    cost_miss: Cost = 1.0
 
 
 class Config(Section):
@@ -307,7 +360,9 @@ class Config(Section):
     forbid: list[tuple[str, str]] = Field(default_factory=list)
     verdicts: list[VerdictConfig] = Field(default_factory=list)
     output: OutputConfig = OutputConfig()
+    examples: ExamplesConfig = ExamplesConfig()
     limits: LimitsConfig = LimitsConfig()
+    calibrate: CalibrateConfig = Field(default=CalibrateConfig(), exclude=True)  # so that no run depends on it
 
     @field_validator("robots")
     @classmethod
@@ -357,7 +412,10 @@ def read_mapping(path: Path) -> dict[str, Any]:
 def _anchored(config: Config, folder: Path) -> Config:
     robots = {name: _anchored_robot(robot, folder) for name, robot in config.robots.items()}
     rules = folder / config.rules if isinstance(config.rules, Path) else config.rules
-    return config.model_copy(update={"robots": robots, "rules": rules})
+    examples = config.examples
+    if isinstance(examples.truth, Path):
+        examples = examples.model_copy(update={"truth": folder / examples.truth})
+    return config.model_copy(update={"robots": robots, "rules": rules, "examples": examples})
 
 
 def _anchored_robot(robot: RobotConfig, folder: Path) -> RobotConfig:

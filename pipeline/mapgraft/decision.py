@@ -308,7 +308,10 @@ def _spell(value: Value) -> str:
 
 
 def parse_rules(text: str, origin: str) -> list[Rule]:
-    """Rules from YAML text (a list); raises DecisionTableError with every fault and its place."""
+    """Rules from YAML text: a list, or a configuration that holds nothing but ``rules``.
+
+    Raises DecisionTableError with every fault and its place.
+    """
     return [rule.model_copy(deep=True) for rule in _parsed_rules(text, origin)]  # parameters may be lists
 
 
@@ -316,6 +319,8 @@ def parse_rules(text: str, origin: str) -> list[Rule]:
 def _parsed_rules(text: str, origin: str) -> tuple[Rule, ...]:
     """Remembered, because one process may run many missions by the same rules, and parsing takes longer than some."""
     given = parse_yaml(text, f"the decision table {origin}", DecisionTableError)
+    if isinstance(given, dict) and set(given) == {"rules"}:
+        given = given["rules"]
     return tuple(check_rules(given, origin))
 
 

@@ -7,13 +7,25 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from mapgraft.attempt import Attempt
-from mapgraft.contracts import Exactness, MapMetadata, MapType, Match, Measurement, Provenance, Sample, Transform
+from mapgraft.contracts import (
+    Donation,
+    Exactness,
+    MapMetadata,
+    MapType,
+    Match,
+    Measurement,
+    Provenance,
+    Sample,
+    Transform,
+    Verdict,
+)
 from mapgraft.correction import Corrected
 from mapgraft.decision import Ruling
 from mapgraft.errors import FailedPluginError, SetAsideError
 from mapgraft.events import DonorMap, Event, Kind, Sink, Snapshot
 from mapgraft.graph.claims import Claim, Source
 from mapgraft.merge import Merge
+from mapgraft.onlooker import Attempted, Encountered, Onlooker
 from mapgraft.procedures import Tools
 from mapgraft.reversal import Reversal
 
@@ -22,10 +34,11 @@ Moment = Literal["before merge", "after merge", "before revert", "after revert",
 
 @dataclass(slots=True)
 class History:
-    """The events of all robots so far, numbered as they happen, and the sink that they go to."""
+    """The events of all robots so far, numbered as they happen, the sink that they go to, and who looks on."""
 
     sink: Sink
     events: list[Event] = field(default_factory=list)
+    onlookers: list[Onlooker] = field(default_factory=list)
 
     def record(self, kind: Kind, stamp_ns: int, receiver: str, donor: str, **fields: Any) -> None:
         """Append one event; ``fields`` are those of Event."""
@@ -153,6 +166,21 @@ class Journal:
     def left_aside(self, stamp_ns: int, donor: str, reason: str, by: str) -> None:
         """Something that could be attached is not."""
         self._record("unattached", stamp_ns, donor, reason=reason, by=by)
+
+    def encountered(self, donor: str, own: MapMetadata, other: MapMetadata) -> None:
+        """The robot and a donor have told of their maps: for who looks on."""
+        for onlooker in self.history.onlookers:
+            onlooker.encountered(Encountered(self.robot, donor, self.map_type, self.reversal, own, other))
+
+    def attempting(self, merge_id: str, donation: Donation, attempt: Attempt, tools: Tools) -> None:
+        """An attempt was made, of which the history tells next: for who looks on."""
+        for onlooker in self.history.onlookers:
+            onlooker.attempted(Attempted(merge_id, self.robot, donation, attempt, tools))
+
+    def measured(self, merge: Merge, sample: Sample, verdict: Verdict | None = None) -> None:
+        """A merge was measured, and judged where there is a verdict: for who looks on."""
+        for onlooker in self.history.onlookers:
+            onlooker.measured(merge.merge_id, sample, verdict)
 
     def snapshot(
         self,

@@ -143,6 +143,7 @@ def run(
     read once more, and every layer and fused map is compared with one computed anew. ``stand_ins`` tell of files that
     are not on this machine. Raises MapgraftError with one sentence; what was decided before is on disk.
     """
+    from mapgraft.examples.of_run import collecting
     from mapgraft.recording.losses import losses
     from mapgraft.recording.mission import open_mission
     from mapgraft.recording.naming import stem
@@ -157,19 +158,26 @@ def run(
             provenance, run_id = identify(paths, checked, plugins, table, stand_ins.known)
             fan = Fan(list(sinks))
             assembly = assemble(mission, checked, plugins, table, fan)  # before the folder is touched: it may refuse
-        folder = None
+        folder = collector = None
         if out is not None:
             folder = _output(out, checked, assembly.exchange.guard)(stem(paths[0]), run_id, provenance)
+            if checked.output.examples:
+                essence = essence_of(paths, checked, provenance.inputs)
+                made = (paths, mission, assembly, provenance, checked, essence)
+                collector = collecting(*made, folder.exemplified)  # which may refuse, too
+                fan.sinks.insert(0, collector)
             stack.push(folder)  # before it is opened: Ctrl-C in between would leave a recording without an end
             fan.sinks.insert(0, folder.open())  # what anybody else hears of is on disk
             folder.keep(MISSION_FILE, remembered_text(paths, checked).encode())
         if opened is not None:
             opened(*_span_of(mission, checked))
         count = _replayed(mission, assembly, fan, watch)
+        if collector is not None:
+            collector.finish()
         if folder is not None:
             _write_maps(folder, assembly, fan)
         lost, missing = _lost(mission, assembly), losses(mission)  # before the files are read once more
-        remarks = tuple(_remarks(mission, assembly))
+        remarks = (*_remarks(mission, assembly), *(collector.undrawn if collector else ()))
         failed = tuple(failure_sentences(assembly.history.events, assembly.exchange.guard, mission.start_ns))
         ledgers = _audited(mission, assembly, checked, plugins) if verify_ledger else []
         if folder is not None:
@@ -198,7 +206,8 @@ def _output(out: Path | str | OpenOutput, config: Config, guard: Guard) -> OpenO
 
     if callable(out):
         return out
-    return partial(RunFolder, Path(out), scans=config.output.scans, report=config.output.report, guard=guard)
+    wanted = {name: getattr(config.output, name) for name in ("scans", "report", "examples")}
+    return partial(RunFolder, Path(out), guard=guard, **wanted)
 
 
 def _asked(

@@ -14,7 +14,7 @@ from mapgraft.outputs.lock import settled
 from mapgraft.outputs.staging import SUFFIX
 
 MISSION_FILE = "mission.json"
-HAND_FIELDS = ("priors", "forbid", "verdicts")  # what persons say afterwards does not make it another run
+HAND_FIELDS = ("priors", "forbid", "verdicts", "examples")  # what persons say of a run does not make it another one
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ def essence_text(files: Sequence[Path], config: Config, identities: Mapping[Path
     ``identities`` tells what the files of ``inputs_of`` hold. The decision table is left out: a run's id has its text.
     """
     content = config.model_dump(mode="json", exclude={*HAND_FIELDS, "rules"})
-    del content["output"]["report"]  # a page about the run
+    del content["output"]["report"], content["output"]["examples"]  # what is written about the run
     for name, robot in config.robots.items():
         named, poses = _named(files, config, name), robot.poses.file
         content["robots"][name]["files"] = [identities[path] for path in named]
@@ -90,6 +90,8 @@ def _anchored(files: Sequence[Path], config: Config) -> dict[str, Any]:
             content["robots"][name]["poses"]["file"] = str(robot.poses.file.absolute())
     if isinstance(config.rules, Path):
         content["rules"] = str(config.rules.absolute())
+    if isinstance(config.examples.truth, Path):
+        content["examples"]["truth"] = str(config.examples.truth.absolute())
     return content
 
 

@@ -329,6 +329,7 @@ class Robot:
         about_m = Site.of(own, other).about_m
         if prior is not None and self.attempts.refusals.at(donor, prior.T_receiver_donor, about_m):
             prior = None
+        self.journal.encountered(donor, own, other)
         return Encounter(own, other, prior, stamp_ns)
 
     def _attempt(self, tools: Tools, sent: SentLayer, met: Encounter, preview: bool) -> bool:
@@ -343,6 +344,7 @@ class Robot:
         merge_id = self.candidates.next_id(self.name, donor)
         if before := self.candidates.same_as_before(donor, attempt.match, met.site.about_m):
             attempt = replace(attempt, reason=f"{attempt.reason} (the same place as {before})")
+        self.journal.attempting(merge_id, donation, attempt, tools)
         if attempt.grafted is None:
             last = LastAttempt(merge_id, tools.rule.name, attempt.match, met.own, met.other)
             self.candidates.keep(donor, last)
@@ -374,6 +376,7 @@ class Robot:
         except PluginError as error:
             self.standing.revert(merge, stamp_ns, Grounds(f"it cannot be measured: {error}", "merge"), refuse=False)
             raise
+        self.journal.measured(merge, sample)
         self.journal.changed("verified", stamp_ns, merge, "measured at the merge", "merge", sample)
         return merge
 

@@ -252,9 +252,11 @@ class Standing:
             if sample is None:
                 return
             if sample is not merge.history[-1]:
+                self.journal.measured(merge, sample)
                 self.journal.changed("verified", stamp_ns, merge, "measured for the record", "log", sample)
                 return
             verdict = merge.judge()
+            self.journal.measured(merge, sample, verdict)
         except MapError as error:
             self.journal.changed("verified", stamp_ns, merge, f"it cannot be measured: {error}", "merge")
         except PluginError as error:

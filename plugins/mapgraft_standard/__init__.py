@@ -35,6 +35,13 @@ def register_acceptors(register: Register) -> None:
             "takes what is probably enough right, unless it is vetoed; says ambiguous in between",
         )
     )
+    register(
+        Descriptor(
+            "calibrated",
+            "mapgraft_standard.calibrated:Calibrated",
+            "takes the first hypothesis when a score of its numbers is above a threshold that labels have set",
+        )
+    )
 
 
 @hookimpl

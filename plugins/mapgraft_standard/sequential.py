@@ -35,6 +35,9 @@ class Sequential:
     measured again on the maps as they have become, is below ``revert_below``; not under ``single_map``, whose merged
     map holds the donor itself.
 
+    ``revert_at`` and ``confirm_at`` take the places of the two limits on Λ where labels have set others; the rates then
+    are those that the labels promise.
+
     ``confirm`` false never confirms; ``reversals`` replaces it under a reversal, because a merged map agrees with a
     donor that it contains: ``{single_map: {confirm: false}}``.
 
@@ -54,6 +57,8 @@ class Sequential:
         new_m: float = 2.0,
         places: int = 3,
         revert_below: float = 0.1,
+        revert_at: float | None = None,
+        confirm_at: float | None = None,
         confirm: bool = True,
         reversals: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> None:
@@ -69,8 +74,12 @@ class Sequential:
                 f"{prior_max=}, {new_m=}, {places=}, {revert_below=}"
             )
         self.news, self.prior = news, prior
-        self.upper = math.log((1.0 - false_confirm) / false_revert)
-        self.lower = math.log(false_confirm / (1.0 - false_revert))
+        self.upper = math.log((1.0 - false_confirm) / false_revert) if revert_at is None else revert_at
+        self.lower = math.log(false_confirm / (1.0 - false_revert)) if confirm_at is None else confirm_at
+        if not self.lower < self.upper:
+            raise ConfigError(
+                f"verifier sequential needs confirm_at < revert_at, found {self.lower:g} and {self.upper:g}"
+            )
         self.if_against = math.log(against_wrong / against_right)
         self.if_agreed = math.log((1.0 - against_wrong) / (1.0 - against_right))
         self.prior_max, self.new_m, self.places, self.revert_below = prior_max, new_m, places, revert_below

@@ -5,6 +5,7 @@ Only types that DuckDB, Polars, pandas and Hugging Face ``datasets`` all read: n
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from collections.abc import Mapping
@@ -17,7 +18,7 @@ VERSION = "1.1.0"
 EXPERIMENTS = ("experiment_merges", "experiment_evidence", "experiment_verdicts", "experiment_times")
 CORPORA = ("runs", "failures")
 TABLES = (
-    *("events", "metrics", "maps", "labels", "recordings", "timings", "traffic", "transforms"),
+    *("events", "metrics", "maps", "examples", "labels", "recordings", "timings", "traffic", "transforms", "dataset"),
     *CORPORA,
     *EXPERIMENTS,
 )
@@ -25,13 +26,17 @@ TABLES = (
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One column; ``type`` is spelt as Arrow prints it, ``unit`` and ``convention`` are empty where there is none."""
+    """One column; ``type`` is spelt as Arrow prints it, ``unit`` and ``convention`` are empty where there is none.
+
+    ``feature`` says what Hugging Face ``datasets`` makes of it where the type does not tell: ``image``.
+    """
 
     name: str
     type: str
     doc: str
     unit: str = ""
     convention: str = ""
+    feature: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +57,8 @@ def table(name: str) -> Table:
     text = (files("mapgraft_schemas") / "tables" / f"{name}.toml").read_text(encoding="utf-8")
     given = tomllib.loads(text)
     columns = tuple(Column(**column) for column in given["columns"])
+    if "extends" in given:
+        columns = (*table(given["extends"]).columns, *columns)
     return Table(given["name"], given["doc"], tuple(given["sorted_by"]), columns)
 
 
@@ -59,7 +66,8 @@ def table(name: str) -> Table:
 def arrow_schema(name: str) -> Any:
     """The ``pyarrow.Schema`` of one of ``TABLES``, with doc, unit and convention in the metadata of its fields.
 
-    The schema's own metadata hold ``schema_name``, ``schema_version``, ``doc`` and ``sorted_by``.
+    The schema's own metadata hold ``schema_name``, ``schema_version``, ``doc`` and ``sorted_by``, and where there are
+    pictures what tells Hugging Face ``datasets`` so (``huggingface``).
     """
     import pyarrow as pa  # here: message texts and descriptions are used without Arrow
 
@@ -71,6 +79,8 @@ def arrow_schema(name: str) -> Any:
         "doc": described.doc,
         "sorted_by": ",".join(described.sorted_by),
     }
+    if images := {column.name: {"_type": "Image"} for column in described.columns if column.feature == "image"}:
+        metadata["huggingface"] = json.dumps({"info": {"features": images}})
     return pa.schema(fields, metadata=metadata)
 
 
@@ -84,6 +94,7 @@ def arrow_type(text: str) -> Any:
     scalars: Mapping[str, Any] = {
         "string": pa.string(),
         "int64": pa.int64(),
+        "uint8": pa.uint8(),
         "double": pa.float64(),
         "bool": pa.bool_(),
         "binary": pa.binary(),
@@ -97,7 +108,8 @@ def arrow_type(text: str) -> Any:
     if listed := re.fullmatch(r"list<(.+)>", text):
         return pa.list_(arrow_type(listed[1]))
     if struct := re.fullmatch(r"struct<(.+)>", text):
-        parts = [part.partition(": ") for part in struct[1].split(", ")]  # members are scalars: nothing nests deeper
+        members = re.split(r", (?=\w+: )", struct[1])  # they are scalars: nothing nests deeper
+        parts = [member.partition(": ") for member in members]
         return pa.struct([pa.field(name, arrow_type(inner)) for name, _, inner in parts])
     raise ValueError(f"there is no column type {text!r}")
 

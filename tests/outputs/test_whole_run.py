@@ -191,7 +191,7 @@ def test_a_persons_word_is_kept_when_the_run_is_computed_again(
     assert np.isnan(first["T_receiver_donor"]).all()  # wrong: what would be right was not said
     assert (second["label"], second["annotator"], second["elapsed_s"]) == ("right", "person", 3.5)
     assert np.array_equal(np.reshape(second["T_receiver_donor"], (4, 4)), T.matrix)
-    with pytest.raises(ValueError, match="a label is one of right, wrong, unsure, found 'maybe'"):
+    with pytest.raises(ValueError, match="a label is one of right, wrong, unsure, withdrawn, found 'maybe'"):
         label(out, result.run_id, **about | {"verdict": "maybe"})
 
 

@@ -43,7 +43,7 @@ def readable(kind: pa.DataType) -> bool:
         return readable(kind.value_type)
     if pa.types.is_struct(kind):
         return all(readable(kind.field(n).type) for n in range(kind.num_fields))
-    plain = (pa.string(), pa.int64(), pa.float64(), pa.bool_(), pa.binary(), pa.timestamp("ns", tz="UTC"))
+    plain = (pa.string(), pa.uint8(), pa.int64(), pa.float64(), pa.bool_(), pa.binary(), pa.timestamp("ns", tz="UTC"))
     return kind in plain
 
 

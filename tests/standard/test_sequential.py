@@ -168,3 +168,20 @@ def test_the_rule_must_name_the_news() -> None:
 def test_impossible_parameters_are_refused(options: dict[str, object]) -> None:
     with pytest.raises(ConfigError, match="verifier sequential"):
         Sequential(**options)
+
+
+@given(st.floats(-9.0, 0.0), st.floats(0.5, 9.0), st.integers(0, 40), st.integers(0, 20))
+def test_limits_that_labels_have_set_take_the_places_of_its_own(
+    confirm_at: float, revert_at: float, agreed: int, against: int
+) -> None:
+    verifier = Sequential(confirm_at=confirm_at, revert_at=revert_at, new_m=0.0)
+    verdict = verifier.verify([sample(posterior=0.5), sample(agreed, against)], "ledger")
+    wrong = verdict.evidence["log_odds_wrong"]
+    assert verdict.evidence["log_odds_wrong.confirm_at"] == confirm_at
+    assert (verdict.action == "revert") == (wrong >= revert_at and agreed + against > 0)
+    assert (verdict.action == "confirm") == (wrong <= confirm_at and agreed + against > 0)
+
+
+def test_limits_in_the_wrong_order_are_refused() -> None:
+    with pytest.raises(ConfigError, match="confirm_at < revert_at, found 2 and 1"):
+        Sequential(confirm_at=2.0, revert_at=1.0)

@@ -20,6 +20,8 @@ plugins_app = typer.Typer(no_args_is_help=True, help="What is installed.")
 app.add_typer(plugins_app, name="plugins")
 experiment_app = typer.Typer(no_args_is_help=True, help="Published experiments, run again by one command.")
 app.add_typer(experiment_app, name="experiment")
+labels_app = typer.Typer(no_args_is_help=True, help="What people say of merges: out to a CSV file and in again.")
+app.add_typer(labels_app, name="labels")
 
 Files = Annotated[
     list[Path] | None, typer.Argument(help="Recordings: MCAP, ROS 1 bag, ROS 2 bag, CARMEN log, map.yaml.")
@@ -79,6 +81,9 @@ def run(
         bool, typer.Option("--verify-ledger", help="Recompute every layer and map at the end, and compare.")
     ] = False,
     report: Annotated[bool | None, typer.Option("--report/--no-report", help="Write report.html, too.")] = None,
+    examples: Annotated[
+        bool | None, typer.Option("--examples/--no-examples", help="Write every attempt with its pictures, too.")
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
     json: Json = False,
     no_plugin: NoPlugin = None,
@@ -87,7 +92,7 @@ def run(
     """Replay recordings, merge the robots' maps, verify, revert; without a file the demo recording."""
     from mapgraft.commands.run import Overrides, run_and_show
 
-    overrides = Overrides(start, end, every, reversal, tuple(prior or ()), tuple(forbid or ()), report)
+    overrides = Overrides(start, end, every, reversal, tuple(prior or ()), tuple(forbid or ()), report, examples)
     run_and_show(
         files or [],
         config,
@@ -173,6 +178,23 @@ def report(
     from mapgraft.commands.report import report_and_show
 
     report_and_show(out, to)
+
+
+@app.command()
+def annotate(
+    folders: Annotated[list[Path], typer.Argument(metavar="OUT…", help="Folders of runs, evaluations, datasets.")],
+    name: Annotated[str | None, typer.Option(help="Who annotates; else the page asks.")] = None,
+    host: Annotated[
+        str, typer.Option(help="The address to listen on; other machines reach all but this.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="The port to listen on; 0 takes a free one.")] = 0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
+    debug: Debug = False,
+) -> None:
+    """Say in the browser which merges are right: a page of this machine, until Ctrl-C; answers are kept in OUT."""
+    from mapgraft.commands.annotate import Asked, annotate_and_wait
+
+    annotate_and_wait(folders, Asked(name, host, port, browser, tracebacks=debug))
 
 
 @app.command()
@@ -271,6 +293,8 @@ def evaluate(
     config: ConfigFile = None,
     jobs: Annotated[int, typer.Option(help="Processes to share the work.")] = 1,
     json: Annotated[str | None, typer.Option("--json", help="Write JSON to this file; - prints it instead.")] = None,
+    truth: Annotated[Path | None, typer.Option(help="Labels (CSV): what they say goes before recorded poses.")] = None,
+    examples: Annotated[Path | None, typer.Option(help="Folder to write every pair to, as an example.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
     no_plugin: NoPlugin = None,
     debug: Debug = False,
@@ -282,7 +306,73 @@ def evaluate(
 
     drawing = Drawing(pairs, scans, further, across, seed)
     settings = Settings(drawing, map_type, resolution, other_resolution, rules, matcher, verifier, baseline, other_type)
-    evaluate_and_show(files, config, settings, jobs=jobs, quiet=quiet, json_out=json, without=no_plugin or [])
+    evaluate_and_show(
+        files,
+        config,
+        settings,
+        jobs=jobs,
+        quiet=quiet,
+        json_out=json,
+        without=no_plugin or [],
+        truth=truth,
+        examples=examples,
+    )
+
+
+@app.command()
+def calibrate(
+    datasets: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Datasets, or folders of runs and evaluations with examples, labelled or with truth."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder to write to.")] = None,
+    false_accept: Annotated[
+        float | None, typer.Option(help="Share of wrong hypotheses that may be merged; else 0.01.")
+    ] = None,
+    false_confirm: Annotated[
+        float | None, typer.Option(help="Share of wrong hypotheses that may be confirmed; else 0.001.")
+    ] = None,
+    false_revert: Annotated[
+        float | None, typer.Option(help="Share of right merges that may be reverted; else 0.01.")
+    ] = None,
+    score: Annotated[
+        str | None, typer.Option(help="auto, fit, or the number that thresholds are set on, as posterior.log_odds.")
+    ] = None,
+    cost_false_accept: Annotated[
+        float | None, typer.Option(help="What merging a wrong one costs; merge only what is worth it.")
+    ] = None,
+    cost_miss: Annotated[float | None, typer.Option(help="What not merging a right one costs; else 1.")] = None,
+    used_on: Annotated[
+        list[Path] | None,
+        typer.Option("--for", help="Examples of the maps that it is meant for, without regard to labels; repeatable."),
+    ] = None,
+    without: Annotated[list[str] | None, typer.Option(help="Leave a building's labels out; repeatable.")] = None,
+    held_back: Annotated[bool, typer.Option("--held-back", help="Read what datasets put aside for tests.")] = False,
+    collecting: Annotated[
+        Path | None, typer.Option(help="Write the rules by which to collect examples to this file, and nothing else.")
+    ] = None,
+    rules: Annotated[Path | None, typer.Option("--rules", help="The decision table to calibrate.")] = None,
+    config: ConfigFile = None,
+    json: Json = False,
+    no_plugin: NoPlugin = None,
+    debug: Debug = False,
+) -> None:
+    """Set thresholds from labelled examples to stated error rates, and say what they promise, and where nothing."""
+    from mapgraft.commands.calibrate import Options, calibrate_and_show
+
+    calibrate_and_show(
+        datasets or [],
+        out,
+        Options(false_accept, false_confirm, false_revert, score, cost_false_accept, cost_miss),
+        config=config,
+        rules=rules,
+        meant=used_on or [],
+        without_building=without or [],
+        held_back=held_back,
+        collecting=collecting,
+        as_json=json,
+        without=no_plugin or [],
+    )
 
 
 @experiment_app.command("andersone2021")
@@ -311,6 +401,49 @@ def andersone2021(
 
     settings = Settings(right, wrong, seed, matcher, scans, further, draws)
     conduct_and_show(files or [], config, out, settings, quiet=quiet, as_json=json, without=no_plugin or [])
+
+
+@app.command()
+def dataset(
+    outs: Annotated[list[Path], typer.Argument(metavar="OUT…", help="Folders of runs or evaluations.")],
+    to: Annotated[Path, typer.Option("--out", "-o", help="The dataset to write, or to add to.")],
+    split: Annotated[
+        list[str] | None, typer.Option(help="ENVIRONMENT=train, =validation or =test, if not as its name falls.")
+    ] = None,
+    licence: Annotated[str | None, typer.Option("--license", help="For the card, such as cc-by-4.0.")] = None,
+    json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Publish the examples of runs and evaluations with their labels as a dataset, split by building, with a card."""
+    from mapgraft.commands.dataset import publish_and_show
+
+    publish_and_show(outs, to, split or [], licence, as_json=json)
+
+
+@labels_app.command("export")
+def labels_export(
+    outs: Annotated[list[Path], typer.Argument(metavar="OUT…", help="Folders of runs or evaluations, or datasets.")],
+    to: Annotated[Path, typer.Option("--out", "-o", help="The CSV file to write.")] = Path("labels.csv"),
+    everything: Annotated[bool, typer.Option("--all", help="Also what was said before, and withdrawn.")] = False,
+    debug: Debug = False,
+) -> None:
+    """Write what people say of the examples in some folders to a CSV file."""
+    from mapgraft.commands.labels import export_and_show
+
+    export_and_show(outs, to, everything=everything)
+
+
+@labels_app.command("import")
+def labels_import(
+    out: Annotated[Path, typer.Argument(help="The folder of a run or an evaluation, or a dataset.")],
+    files: Annotated[list[Path], typer.Argument(metavar="CSV…", help="As labels export writes them.")],
+    by: Annotated[str, typer.Option("--by", help="Who says so, where a line names nobody.")] = "",
+    debug: Debug = False,
+) -> None:
+    """Add what CSV files say of examples to the labels of a folder; what is there already is not added again."""
+    from mapgraft.commands.labels import import_and_show
+
+    import_and_show(out, files, by)
 
 
 @plugins_app.command("list")

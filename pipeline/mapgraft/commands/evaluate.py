@@ -8,16 +8,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mapgraft.commands.progress import counting
-from mapgraft.config import Config
 from mapgraft.console import cell, print_json, remarks, results
 from mapgraft.errors import UsageError
 from mapgraft.evaluation.bench import Settings
 from mapgraft.evaluation.document import document
-from mapgraft.evaluation.evaluating import Evaluation, evaluate
+from mapgraft.evaluation.evaluating import evaluate
 from mapgraft.evaluation.tables import Column, print_tables
 from mapgraft.job import as_config, provenance_of
 from mapgraft.outputs.staging import writing
-from mapgraft.plugins import Plugins, load_plugins
+from mapgraft.plugins import load_plugins
 
 STDOUT = "-"
 
@@ -31,8 +30,10 @@ def evaluate_and_show(
     quiet: bool,
     json_out: str | None,
     without: Sequence[str],
+    truth: Path | None = None,
+    examples: Path | None = None,
 ) -> None:
-    """Evaluate, print the tables or JSON, and write JSON to a file if one is named."""
+    """Evaluate, print the tables or JSON, and write JSON to a file and examples to a folder if they are named."""
     if not files:
         raise UsageError("name recordings whose poses can be trusted: mapgraft evaluate FILE…")
     if json_out is not None and json_out != STDOUT:
@@ -40,7 +41,17 @@ def evaluate_and_show(
     plugins, checked = load_plugins(without), as_config(config)
     for broken in plugins.broken:
         remarks().print(cell(f"the plugin {broken.origin.plugin} could not be loaded: {broken.reason}"), style="yellow")
-    evaluation = _with_progress(files, checked, settings, plugins, jobs, quiet=quiet)
+    with counting("reading, then pairs (kernels compile on first use)", "pairs", quiet=quiet) as progress:
+        evaluation = evaluate(
+            files,
+            checked,
+            settings,
+            plugins,
+            jobs=jobs,
+            progress=lambda done: progress(done, settings.drawing.pairs),
+            truth=truth,
+            examples=examples,
+        )
     if json_out is not None:
         table = evaluation.bench.contenders[0].table
         content = document(evaluation, provenance_of(files, checked, plugins, table))
@@ -59,15 +70,6 @@ def evaluate_and_show(
             for name, title in evaluation.titles.items()
         ],
     )
-
-
-def _with_progress(
-    files: Sequence[Path], config: Config, settings: Settings, plugins: Plugins, jobs: int, *, quiet: bool
-) -> Evaluation:
-    """Evaluate with a bar on stderr."""
-    pairs = settings.drawing.pairs
-    with counting("reading, then pairs (kernels compile on first use)", "pairs", quiet=quiet) as progress:
-        return evaluate(files, config, settings, plugins, jobs=jobs, progress=lambda done: progress(done, pairs))
 
 
 def _require_writable(path: Path) -> None:

@@ -21,6 +21,7 @@ class Overrides:
     priors: tuple[str, ...] = ()
     forbidden: tuple[str, ...] = ()
     report: bool | None = None
+    examples: bool | None = None
 
     def apply(self, config: Config) -> Config:
         """The configuration with the options in place; raises UsageError or ConfigError when one does not fit."""
@@ -33,6 +34,8 @@ class Overrides:
                 robot["reversal"] = self.reversal
         if self.report is not None:
             content["output"]["report"] = self.report
+        if self.examples is not None:
+            content["output"]["examples"] = self.examples
         content["priors"] += [parse_prior(text) for text in self.priors]
         content["forbid"] += [parse_pair("--forbid", text) for text in self.forbidden]
         return parse_config(content, origin="the command line")

@@ -7,10 +7,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+import pyarrow as pa
+
 from mapgraft.contracts import Observation
 from mapgraft.events import Event, Snapshot
 from mapgraft.network.radio import Traffic
-from mapgraft.outputs.parquet_log import UNTITLED, WRITTEN, ParquetLog, PartWriter
+from mapgraft.outputs.parquet_log import EXAMPLES, UNTITLED, WRITTEN, ParquetLog, PartWriter
 from mapgraft.outputs.provenance import RunProvenance
 from mapgraft.outputs.staging import SUFFIX, Staging, writing
 
@@ -18,19 +20,22 @@ from mapgraft.outputs.staging import SUFFIX, Staging, writing
 class RunParts:
     """A run's output that keeps Parquet tables only. ``parts`` holds them by table when the run is finished.
 
+    With ``examples`` there is a table of them.
+
     Raises OutputError when the folder cannot be written.
     """
 
     unshown: Sequence[str] = ()
     unfinished: Sequence[str] = ()
 
-    def __init__(self, folder: Path, run_id: str, provenance: RunProvenance) -> None:
+    def __init__(self, folder: Path, run_id: str, provenance: RunProvenance, examples: bool = False) -> None:
         self._folder, self._run_id, self._provenance = folder, run_id, provenance
         self._finished = False
         self.parts: Mapping[str, Path] = {}
         with writing(folder):
             self._staging = Staging(folder)
-            self._log = ParquetLog(self._staging, run_id)
+            self._log = ParquetLog(self._staging, run_id, examples)
+        self._tables = [*(name for name in WRITTEN if examples or name != EXAMPLES), "labels"]
 
     def open(self) -> Self:
         return self
@@ -48,6 +53,10 @@ class RunParts:
     def mapped(self, snapshot: Snapshot) -> None:
         with writing(self._folder):
             self._log.mapped(snapshot)
+
+    def exemplified(self, rows: pa.Table) -> None:
+        with writing(self._folder):
+            self._log.exemplified(rows)
 
     def timed(self, stage: str, elapsed_s: float, count: int = 0) -> None:
         self._log.timed(stage, elapsed_s, count)
@@ -73,7 +82,7 @@ class RunParts:
             self._log.close(self._provenance.inputs)
             PartWriter(self._staging, "labels", self._run_id).close()  # people's; for those who read it before them
         unnamed = f"run_id={self._run_id}/{UNTITLED}{SUFFIX}"  # they get their names where they are put
-        self.parts = {table: self._folder / table / unnamed for table in (*WRITTEN, "labels")}
+        self.parts = {table: self._folder / table / unnamed for table in self._tables}
         self._finished = True
 
     def __enter__(self) -> Self:

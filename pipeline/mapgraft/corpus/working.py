@@ -99,7 +99,7 @@ def _worked(task: Task, folder: Path, told: _Sentences) -> tuple[str, Literal["d
     kept: list[RunParts] = []
 
     def opened(_stem: str, told_id: str, provenance: RunProvenance) -> RunParts:
-        kept.append(RunParts(folder / "parts", told_id, provenance))
+        kept.append(RunParts(folder / "parts", told_id, provenance, config.output.examples))
         return kept[-1]
 
     result = run(inputs.paths, config, opened, plugins=plugins, stand_ins=inputs.stand_ins)

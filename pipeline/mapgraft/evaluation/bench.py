@@ -10,7 +10,7 @@ from pathlib import Path
 
 from mapgraft.assembly import preferred_type
 from mapgraft.config import Config
-from mapgraft.contracts import Layer, MapType
+from mapgraft.contracts import Layer, MapType, Transform
 from mapgraft.decision import DecisionTable, build_table
 from mapgraft.errors import UsageError
 from mapgraft.evaluation.building import build
@@ -20,6 +20,7 @@ from mapgraft.evaluation.growth import grow
 from mapgraft.evaluation.paper import paper_rules
 from mapgraft.evaluation.scored import Scored, score
 from mapgraft.evaluation.trial import attempt, offering
+from mapgraft.outputs.tables import Row
 from mapgraft.plugins import Plugins
 from mapgraft.procedures import Workshop
 from mapgraft.substitution import substituted
@@ -34,7 +35,8 @@ class Settings:
     ``map_type`` None stands for what a run would take, ``other_map_type``, the donor's, for the receiver's; resolutions
     for those of the configuration or the map type, and ``other_resolution_m``, the donor's, for the receiver's.
     ``rules`` is a decision table instead of the installed one; ``matcher`` and ``verifier`` take the places of those in
-    it. With ``baseline`` the rules of the paper are put through the same pairs.
+    it. With ``baseline`` the rules of the paper are put through the same pairs, with ``examples`` every pair is made an
+    example. ``given`` are true transforms of pairs, by number, that go before recorded poses.
     """
 
     drawing: Drawing = field(default_factory=Drawing)
@@ -46,6 +48,8 @@ class Settings:
     verifier: str | None = None
     baseline: bool = True
     other_map_type: str | None = None
+    examples: bool = False
+    given: Mapping[int, Transform] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for resolution_m in (self.resolution_m, self.other_resolution_m):
@@ -70,10 +74,11 @@ class Contender:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """What every contender made of one pair."""
+    """What every contender made of one pair, and the examples of that, in the order of the contenders."""
 
     number: int
     by: Mapping[str, Scored]
+    examples: Sequence[Row] = ()
 
 
 @dataclass(slots=True)
@@ -145,13 +150,20 @@ class Bench:
 
     def judge(self, number: int) -> Judged:
         """Build one pair and put it through every contender."""
-        pair = build(self.plans[number], *self.new_types(), self._converted)
+        from mapgraft.evaluation.exemplified import Exemplifier  # which needs what is here, and not everybody needs it
+
+        pair = build(self.plans[number], *self.new_types(), self._converted, self.settings.given.get(number))
         growth, by = grow(pair), {}
+        examples: list[Row] = []
         for contender in self.contenders:
             donor = offering(pair, contender.table, self._workshop)
-            trial = attempt(pair, donor, contender.table, self._workshop, self.config.reversal)
+            looking = Exemplifier.of(pair, self.config, self._workshop) if self.settings.examples else None
+            collector = None if looking is None else looking.collector
+            trial = attempt(pair, donor, contender.table, self._workshop, self.config.reversal, collector)
             by[contender.name] = score(pair, trial, growth)
-        return Judged(number, by)
+            if looking is not None:
+                examples.append(looking.row(pair, contender.name, growth))
+        return Judged(number, by, examples)
 
     def _add_baseline(self) -> None:
         table = paper_rules(self.plugins)

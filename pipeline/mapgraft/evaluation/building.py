@@ -25,13 +25,17 @@ class Side:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pair:
-    """Two maps and the truth about them, None across recordings; ``further`` is what the receiver observes next."""
+    """Two maps and the truth about them, None across recordings; ``further`` is what the receiver observes next.
+
+    ``given`` is the true transform where a person gave it.
+    """
 
     plan: PairPlan
     receiver: Side
     donor: Side
     further: tuple[Observation, ...]
     truth: Truth | None
+    given: Transform | None = None
 
     @property
     def overlap(self) -> float:
@@ -49,22 +53,25 @@ def build(
     receiver_type: MapType,
     donor_type: MapType,
     convert: Callable[[Layer, MapType, MapType], Layer] = as_it_is,
+    given: Transform | None = None,
 ) -> Pair:
     """Map both windows of a plan, each in the frame of its first scan, turned.
 
-    ``convert`` brings the donor's layer into the receiver's type, in which the truth about the two is told.
+    ``convert`` brings the donor's layer into the receiver's type, in which the truth about the two is told. ``given``
+    is the true transform where a person gave it, which goes before recorded poses.
     """
     T_receiver_map = frame_of(plan.receiver, plan.receiver_turn_rad)
     T_donor_map = frame_of(plan.donor, plan.donor_turn_rad)
     receiver = _side(receiver_type, rebased(plan.receiver.observations, T_receiver_map, RECEIVER))
     donor = _side(donor_type, rebased(plan.donor.observations, T_donor_map, DONOR))
-    truth = None
-    if not plan.across:
+    truth, T_receiver_donor = None, given
+    if T_receiver_donor is None and not plan.across:
         T_world_receiver = plan.receiver.course.T_world_map @ T_receiver_map.inverse()
         T_world_donor = plan.donor.course.T_world_map @ T_donor_map.inverse()
         T_receiver_donor = T_world_receiver.inverse() @ T_world_donor
+    if T_receiver_donor is not None:
         truth = Truth.of(receiver_type, receiver.map, convert(donor.layer, donor_type, receiver_type), T_receiver_donor)
-    return Pair(plan, receiver, donor, rebased(plan.receiver.following, T_receiver_map, RECEIVER), truth)
+    return Pair(plan, receiver, donor, rebased(plan.receiver.following, T_receiver_map, RECEIVER), truth, given)
 
 
 def frame_of(window: Window, turn_rad: float) -> Transform:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
@@ -30,7 +30,8 @@ class Course:
     """What one robot of one recording observed, in order.
 
     ``files`` are the recording's; robots of different files are in different places. Robots of one ``world`` are
-    related by ``T_world_map``. ``stamps_ns`` (n,) rises, or is None where only the order of the observations is known.
+    related by ``T_world_map``. ``joined`` are all files of one place where persons have said that several are.
+    ``stamps_ns`` (n,) rises, or is None where only the order of the observations is known.
     ``poses`` says in words where the poses come from.
     """
 
@@ -43,6 +44,7 @@ class Course:
     stamps_ns: NDArray[np.int64] | None
     poses: str
     doubt: str
+    joined: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, number: int, robot: str, place: str, observations: Iterable[Observation]) -> Self:
@@ -56,6 +58,11 @@ class Course:
 
     def __repr__(self) -> str:
         return f"Course({self.robot!r}, {len(self)} observations)"
+
+    @property
+    def site(self) -> tuple[str, ...]:
+        """The files that were recorded in one place with this course."""
+        return self.joined or self.files
 
     @property
     def recording(self) -> str:
@@ -92,6 +99,31 @@ def load_courses(paths: Sequence[Path], config: Config, plugins: Plugins) -> lis
                 "name each recording once"
             )
     return courses
+
+
+def joined(courses: Sequence[Course], T_receiver_donor: Mapping[tuple[str, str], Transform]) -> list[Course]:
+    """The courses with what persons say of how the map frames of two robots lie, which goes before what was recorded.
+
+    Recordings of which one robot each is known to lie in the other's map are of one place from then on.
+    """
+    out = {course.robot: course for course in courses}
+    for (receiver, donor), T in T_receiver_donor.items():
+        if receiver not in out or donor not in out or receiver == donor:
+            continue
+        ours, theirs = out[receiver], out[donor]
+        T_world_donor = ours.T_world_map @ T
+        if ours.site == theirs.site and ours.world == theirs.world:
+            out[donor] = replace(theirs, T_world_map=T_world_donor)
+            continue
+        T_world_other = T_world_donor @ theirs.T_world_map.inverse()
+        site = tuple(dict.fromkeys((*ours.site, *theirs.site)))
+        for name, course in out.items():
+            if course.site == theirs.site and course.world == theirs.world:
+                out[name] = replace(course, world=ours.world, T_world_map=T_world_other @ course.T_world_map)
+        for name, course in out.items():
+            if course.site in (ours.site, theirs.site):
+                out[name] = replace(course, joined=site)
+    return list(out.values())
 
 
 def _course(number: int, source: RobotSource, observations: Sequence[Observation], mission: Mission) -> Course:

@@ -27,7 +27,7 @@ def document(evaluation: Evaluation, provenance: RunProvenance) -> dict[str, Any
             "format": FORMAT,
             "version": provenance.version,
             "plugins": dict(sorted(provenance.plugins.items())),
-            "parameters": _parameters(bench),
+            "parameters": parameters_of(bench),
             "config": provenance.config_text,
             "files": [dataclasses.asdict(file) for file in provenance.inputs],
             "robots": [
@@ -65,7 +65,8 @@ def finite(content: Any) -> Any:
     return None if isinstance(content, float) and not math.isfinite(content) else content
 
 
-def _parameters(bench: Bench) -> dict[str, Any]:
+def parameters_of(bench: Bench) -> dict[str, Any]:
+    """What was evaluated, in plain values."""
     settings, alike = bench.settings, bench.other_map_type == bench.map_type
     return {
         **dataclasses.asdict(settings.drawing),

@@ -80,7 +80,7 @@ class PairPlan:
 
     @property
     def across(self) -> bool:
-        return self.receiver.course.files != self.donor.course.files
+        return self.receiver.course.site != self.donor.course.site
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -212,17 +212,17 @@ def _groups(choices: Sequence[_Choice]) -> list[list[_Choice]]:
     groups: dict[frozenset[tuple[str, ...]], list[_Choice]] = {}
     for choice in choices:
         if choice.counts.sum():
-            groups.setdefault(frozenset((choice.receiver.files, choice.donor.files)), []).append(choice)
+            groups.setdefault(frozenset((choice.receiver.site, choice.donor.site)), []).append(choice)
     return list(groups.values())
 
 
 def _within(courses: Sequence[Course], drawing: Drawing) -> list[_Choice]:
-    pairs = [(a, b) for a in courses for b in courses if a is not b and a.world == b.world and a.files == b.files]
+    pairs = [(a, b) for a in courses for b in courses if a is not b and a.world == b.world and a.site == b.site]
     return [*(_of_one(course, drawing) for course in courses), *(_of_two(a, b, drawing) for a, b in pairs)]
 
 
 def _across(courses: Sequence[Course], drawing: Drawing) -> list[_Choice]:
-    return [_of_two(a, b, drawing) for a in courses for b in courses if not set(a.files) & set(b.files)]
+    return [_of_two(a, b, drawing) for a in courses for b in courses if not set(a.site) & set(b.site)]
 
 
 def _of_two(a: Course, b: Course, drawing: Drawing) -> _Choice:

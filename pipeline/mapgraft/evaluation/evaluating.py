@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mapgraft.config import Config
 from mapgraft.errors import UsageError
 from mapgraft.evaluation.bench import JUDGED, Bench, Judged, Settings
-from mapgraft.evaluation.courses import Course, load_courses
+from mapgraft.evaluation.courses import Course, joined, load_courses
 from mapgraft.evaluation.drawing import PairPlan
 from mapgraft.evaluation.scored import Scored
 from mapgraft.evaluation.statistics import resampled
@@ -24,6 +24,7 @@ from mapgraft.evaluation.workers import workers
 from mapgraft.plugins import Plugins
 
 Progress = Callable[[int], None]
+Take = Callable[[Judged], Judged]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,16 +51,32 @@ def evaluate(
     *,
     jobs: int = 1,
     progress: Progress = lambda done: None,
+    truth: Path | None = None,
+    examples: Path | None = None,
 ) -> Evaluation:
     """Draw pairs of windows from some recordings, and find out how the procedures for them do.
 
     ``progress`` is told how many pairs are done. With ``jobs`` above 1 as many processes share the work; what comes
-    out, but for the times, is the same. Raises MapgraftError with one sentence when something does not fit.
+    out, but for the times, is the same. ``truth`` is a CSV file of labels: where persons hold the maps of two robots,
+    or those of a pair, to lie goes before what was recorded. ``examples`` is a folder to which every pair is written
+    as an example. Raises MapgraftError with one sentence when something does not fit.
     """
+    from mapgraft.evaluation.exemplified import Identified, joined_by, told_of
+
     _check_jobs(jobs)
-    return evaluate_courses(
-        load_courses(files, config, plugins), config, settings, plugins, jobs=jobs, progress=progress
-    )
+    courses = load_courses(files, config, plugins)
+    if truth is None and examples is None:
+        return evaluate_courses(courses, config, settings, plugins, jobs=jobs, progress=progress)
+    joints = {} if truth is None else joined_by(truth, courses)
+    courses = joined(courses, joints)
+    identified = Identified.of(files, Bench(courses, config, plugins, settings), joints)
+    if truth is not None:
+        settings = replace(settings, given=told_of(truth, identified.run_id, settings.drawing.pairs))
+    if examples is None:
+        return evaluate_courses(courses, config, settings, plugins, jobs=jobs, progress=progress)
+    settings = replace(settings, examples=True)
+    with identified.writing(examples) as take:
+        return evaluate_courses(courses, config, settings, plugins, jobs=jobs, progress=progress, take=take)
 
 
 def evaluate_courses(
@@ -70,15 +87,16 @@ def evaluate_courses(
     *,
     jobs: int = 1,
     progress: Progress = lambda done: None,
+    take: Take = lambda judged: judged,
 ) -> Evaluation:
-    """As ``evaluate``, of what is in memory already."""
+    """As ``evaluate``, of what is in memory already; ``take`` gets each pair, and gives what is kept of it."""
     _check_jobs(jobs)
     began_s = perf_counter()
     bench = Bench(courses, config, plugins, settings)
     judged: list[Judged] = []
     with _results(bench, min(jobs, len(bench.plans))) as results:
         for one in results:
-            judged.append(one)
+            judged.append(take(one))
             progress(len(judged))
     weights = resampled(blocks_of(bench.plans), settings.drawing.seed)
     by = {contender.name: [one.by[contender.name] for one in judged] for contender in bench.contenders}

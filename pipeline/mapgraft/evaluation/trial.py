@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from mapgraft.config import ReversalName
 from mapgraft.contracts import MapType, Match, Measurement, Observation, Transform
@@ -20,6 +20,9 @@ from mapgraft.procedures import Workshop
 from mapgraft.reversal import new_reversal
 from mapgraft.robot import Robot
 from mapgraft.witness import Witness
+
+if TYPE_CHECKING:
+    from mapgraft.examples.collecting import Collector
 
 Verdict = Literal["rejected", "unmatched", "ambiguous", "provisional"]
 
@@ -58,12 +61,21 @@ def offering(pair: Pair, table: DecisionTable, workshop: Workshop) -> Robot:
     return _robot(DONOR, pair.donor.map_type, table, workshop, "ledger", History(NullSink()), pair.donor.observations)
 
 
-def attempt(pair: Pair, donor: Robot, table: DecisionTable, workshop: Workshop, reversal: ReversalName) -> Trial:
-    """Let the receiver consider the donor's map, map on, and verify.
+def attempt(
+    pair: Pair,
+    donor: Robot,
+    table: DecisionTable,
+    workshop: Workshop,
+    reversal: ReversalName,
+    collector: Collector | None = None,
+) -> Trial:
+    """Let the receiver consider the donor's map, map on, and verify; a ``collector`` looks on.
 
     Raises PluginError, which names the pair, when a plugin fails: a run goes on without it, a judgement does not.
     """
-    witness, history = Witness(), History(NullSink())
+    witness, history = Witness(), History(collector or NullSink())
+    if collector is not None:
+        history.onlookers.append(collector)
     workshop.watch = witness.watch
     try:
         side = pair.receiver

@@ -69,11 +69,7 @@ class Truth:
 
     def error(self, T_receiver_donor: Transform, scale: float = 1.0) -> Error:
         """How far a hypothesis of the transform is off."""
-        points = self.points_m
-        in_donor = self.T_receiver_donor.inverse().apply(points) / self.scale
-        found = T_receiver_donor.apply(scale * in_donor)
-        _, turn_rad = self.T_receiver_donor.difference(T_receiver_donor)
-        return Error(float(np.linalg.norm(found - points, axis=1).mean()), math.degrees(abs(turn_rad)))
+        return error_of(self.points_m, self.T_receiver_donor, self.scale, T_receiver_donor, scale)
 
     def new_walls_m(self, before: Map, now: Map) -> float:
         """The length of the donor's walls that the receiver's map knows ``now`` and did not know ``before``.
@@ -83,6 +79,13 @@ class Truth:
         """
         known, seen = (_blocks(self.map_type.structure(self.placed, map_)) for map_ in (before, now))
         return len(seen - known) * BLOCK_M
+
+
+def error_of(points_m: Points, T_true: Transform, true_scale: float, T: Transform, scale: float) -> Error:
+    """How far ``T_receiver_donor`` is off, measured at points of the donor where they belong."""
+    found = T.apply(scale * (T_true.inverse().apply(points_m) / true_scale))
+    _, turn_rad = T_true.difference(T)
+    return Error(float(np.linalg.norm(found - points_m, axis=1).mean()), math.degrees(abs(turn_rad)))
 
 
 def _blocks(points_m: Points) -> set[tuple[int, ...]]:

@@ -12,9 +12,10 @@ from mapgraft.errors import OutputError
 from mapgraft.outputs.staging import JOURNAL, settle, writing
 
 LOCK = ".mapgraft.lock"
-RUN, EXPERIMENT = "summary.json", "experiment.json"  # who finds one of them finds everything that goes with it
-CORPUS = "corpus.json"
-_HOLDS = {RUN: "a run", EXPERIMENT: "an experiment", CORPUS: "a corpus"}
+RUN, EXPERIMENT, CORPUS, DATASET = "summary.json", "experiment.json", "corpus.json", "dataset.json"
+"""Who finds one of them finds everything that goes with it."""
+
+_HOLDS = {RUN: "a run", EXPERIMENT: "an experiment", CORPUS: "a corpus", DATASET: "a dataset"}
 
 
 def require_kind(out: Path, kind: str) -> None:

@@ -17,12 +17,16 @@ from mapgraft.outputs.claims import claim, clear
 from mapgraft.outputs.provenance import InputFile
 from mapgraft.outputs.staging import SUFFIX, Staging, close_quietly, sha256_of, sync, writing
 from mapgraft.outputs.tables import Row, events_table, metrics_table, recordings_table, rows_table, snapshot_row
-from mapgraft_schemas import arrow_schema, table
+from mapgraft_schemas import Column, arrow_schema, table
 
-WRITTEN = ("events", "metrics", "maps", "recordings", "timings", "traffic")  # anew by every run; labels are people's
+EXAMPLES = "examples"  # only where they are wanted
+WRITTEN = ("events", "metrics", "maps", EXAMPLES, "recordings", "timings", "traffic")
+"""Written anew by every run; labels are people's."""
+
 UNTITLED = ".part-00000.parquet"  # a run's part before it is finished; readers of a data set skip names with a dot
 _BATCH = 1024  # events that wait to become Arrow
 _GROUP_ROWS = 65_536  # rows of one row group, at most
+_GROUP_ROWS_OF = {"examples": 64, "dataset": 64}  # of tables with pictures, of which somebody wants one at once
 _DIGITS = 8  # of one part among few
 _DIGITS_OF_MANY = 32  # of parts that many writers add for ever: no two of other content may have one name
 _GROUP_BYTES = 32 * 2**20  # of Arrow data waiting to become a row group
@@ -32,7 +36,7 @@ class PartWriter:
     """Streams one part of one table; rows must come sorted as the table says. Methods raise OSError.
 
     ``writer`` tells several of them apart, who write parts of one table at the same time. The final name holds
-    ``digits`` hex digits of the part's content.
+    ``digits`` hex digits of the part's content. ``folder`` is another one than that of the run's partition.
     """
 
     def __init__(
@@ -41,11 +45,12 @@ class PartWriter:
         name: str,
         run_id: str,
         writer: str = "",
-        group_rows: int = _GROUP_ROWS,
+        group_rows: int | None = None,
         digits: int = _DIGITS,
+        folder: str = "",
     ) -> None:
-        self._group_rows, self._digits = group_rows, digits
-        self._folder, self._staging = f"{name}/run_id={run_id}", staging
+        self._group_rows, self._digits = group_rows or _GROUP_ROWS_OF.get(name, _GROUP_ROWS), digits
+        self._folder, self._staging = folder or f"{name}/run_id={run_id}", staging
         self._name = f"{self._folder}/{UNTITLED.replace('.parquet', f'{writer}.parquet')}"
         self._waiting: list[pa.Table] = []
         self._rows = self._bytes = 0
@@ -60,7 +65,9 @@ class PartWriter:
                 version="2.6",
                 compression="zstd",
                 compression_level=3,
-                use_dictionary=[c.name for c in table(name).columns if c.type == "dictionary<string>"],
+                use_dictionary=[
+                    _path(c) for c in table(name).columns if c.type in ("dictionary<string>", "list<uint8>")
+                ],
                 write_page_index=True,
                 sorting_columns=[pq.SortingColumn(columns.index(column)) for column in table(name).sorted_by],
             )
@@ -76,15 +83,17 @@ class PartWriter:
         if self._rows >= self._group_rows or self._bytes >= _GROUP_BYTES:
             self._write_group()
 
-    def close(self) -> None:
-        """The part is whole and on disk when this returns."""
+    def close(self) -> str:
+        """The part is whole and on disk when this returns; returns the name that it will have."""
         if self._rows:
             self._write_group()
         self._writer.close()
         sync(self._stream)
         self._stream.close()
         digest = sha256_of(self._staging.partial(self._name))
-        self._staging.call(self._name, f"{self._folder}/part-00000-{digest[: self._digits]}.parquet")
+        name = f"{self._folder}/part-00000-{digest[: self._digits]}.parquet"
+        self._staging.call(self._name, name)
+        return name
 
     def claimed(self) -> int | None:
         """A descriptor that, until it is closed, tells others that somebody writes this part; None where it is gone."""
@@ -111,10 +120,15 @@ class PartWriter:
         self._rows = self._bytes = 0
 
 
+def _path(column: Column) -> str:
+    """Where a column's values are within a file."""
+    return f"{column.name}.list.element" if column.type.startswith("list<") else column.name
+
+
 class ParquetLog:
     """Writes the tables of one run as it goes on. Memory is bounded: what waits is at most a row group per table."""
 
-    def __init__(self, staging: Staging, run_id: str) -> None:
+    def __init__(self, staging: Staging, run_id: str, examples: bool = False) -> None:
         self._staging, self._run_id = staging, run_id
         self._events: list[Event] = []
         self._timings: list[Row] = []
@@ -123,7 +137,7 @@ class ParquetLog:
         self._snapshots = 0
         self._parts: dict[str, PartWriter] = {}
         try:
-            for name in WRITTEN:
+            for name in [name for name in WRITTEN if examples or name != EXAMPLES]:
                 self._parts[name] = PartWriter(staging, name, run_id)
         except BaseException:
             self.abandon()
@@ -140,6 +154,9 @@ class ParquetLog:
         self._parts["maps"].append(rows_table("maps", [row]))
         self._digests.add(sha256)
         self._snapshots += 1
+
+    def exemplified(self, rows: pa.Table) -> None:
+        self._parts[EXAMPLES].append(rows)
 
     def timed(self, stage: str, elapsed_s: float, count: int) -> None:
         row = {"position": len(self._timings), "stage": stage, "elapsed_s": elapsed_s, "count": count}
@@ -179,11 +196,19 @@ def write_rows(out: Path, name: str, run_id: str, rows: pa.Table) -> str:
     to the table's schema and sorted as it says. Raises OutputError when the folder cannot be written, ValueError when
     the rows do not fit the schema.
     """
+    return replace_parts(out, name, run_id, rows, ())
+
+
+def replace_parts(out: Path, name: str, run_id: str, rows: pa.Table, gone: Sequence[str]) -> str:
+    """As ``write_rows``, and the parts ``gone`` (relative names) go as the new one comes, all of it or nothing.
+
+    Where parts go the caller must hold the lock of the folder.
+    """
     keys = [(column, "ascending") for column in table(name).sorted_by]
     fitting = rows.cast(arrow_schema(name)).sort_by(keys)
     with writing(out):
         clear(rests_of(out, name, run_id))
-        while (written := _written(Staging(out), name, run_id, fitting)) is None:
+        while (written := _written(Staging(out), name, run_id, fitting, gone)) is None:
             continue
         return written
 
@@ -193,7 +218,7 @@ def rests_of(out: Path, name: str, run_id: str = "*") -> list[Path]:
     return sorted((out / name).glob(f"run_id={run_id}/{UNTITLED.replace('.parquet', '-*.parquet')}{SUFFIX}"))
 
 
-def _written(staging: Staging, name: str, run_id: str, rows: pa.Table) -> str | None:
+def _written(staging: Staging, name: str, run_id: str, rows: pa.Table, gone: Sequence[str]) -> str | None:
     """The name of a part with these rows; None where somebody took it for a rest before it was claimed."""
     held, part = None, PartWriter(staging, name, run_id, writer=f"-{uuid4().hex}", digits=_DIGITS_OF_MANY)
     try:
@@ -203,7 +228,7 @@ def _written(staging: Staging, name: str, run_id: str, rows: pa.Table) -> str | 
             return None
         part.append(rows)
         part.close()
-        return staging.publish()[0]
+        return staging.publish({*gone} - {*staging.names})[0]
     except BaseException:
         part.abandon()
         staging.remove()

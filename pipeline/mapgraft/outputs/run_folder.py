@@ -9,6 +9,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+import pyarrow as pa
+
 from mapgraft.contracts import Observation
 from mapgraft.errors import OutputError
 from mapgraft.events import Event, Snapshot
@@ -49,7 +51,8 @@ class RunFolder:
     Tables of other runs in the folder stay.
     What an unfinished run had decided stays readable until the same run is finished here.
     With ``report`` the page of the run is made when all else is published, from what is in the folder then.
-    ``guard`` watches map types while they are asked for messages and files.
+    ``guard`` watches map types while they are asked for messages and files. With ``examples`` there is a table of
+    these, for ``exemplified``.
 
     Raises OutputError when the folder cannot be written, or when another run is writing it.
     """
@@ -63,11 +66,12 @@ class RunFolder:
         scans: bool = False,
         report: bool = False,
         guard: Guard | None = None,
+        examples: bool = False,
     ) -> None:
         if not is_run_id(run_id):
             raise OutputError(f"a run id is a letter and then letters, digits, '_' and '-', found {run_id!r}")
         self._out, self._run_id, self._provenance = out, run_id, provenance
-        self._scans, self._report = scans, report
+        self._scans, self._report, self._examples = scans, report, examples
         self._asking = Asking(guard or Guard())
         self._stem, self._mcap_name = stem, f"{stem}{MERGE_RECORDING}"
         self._queue: list[Pose | tuple[int, Event]] = []
@@ -114,7 +118,7 @@ class RunFolder:
         self._stream = self._staging.create(self._mcap_name)
         self._held.append(lambda: close_quietly(self._stream))
         self._mcap = McapLog(self._stream, self._run_id, self._provenance, self._asking)
-        self._parquet = ParquetLog(self._staging, self._run_id)
+        self._parquet = ParquetLog(self._staging, self._run_id, self._examples)
         self._held.append(self._parquet.abandon)
         sync_folder(out)  # the recording has a name after a power cut, too
 
@@ -144,6 +148,11 @@ class RunFolder:
             self._place(snapshot.stamp_ns)
             self._mcap.mapped(snapshot)
             self._parquet.mapped(snapshot)
+
+    def exemplified(self, rows: pa.Table) -> None:
+        """Rows of the table of examples, in its schema."""
+        with self._writing():
+            self._parquet.exemplified(rows)
 
     def keep(self, name: str, data: bytes) -> None:
         """Put one more file beside the others when the run is finished."""

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import Any, Protocol, Self
 
+import pyarrow as pa
+
 from mapgraft.events import Sink
 from mapgraft.network.radio import Traffic
 from mapgraft.outputs.provenance import RunProvenance
@@ -23,6 +25,10 @@ class RunOutput(Sink, Protocol):
     def unfinished(self) -> Sequence[str]: ...
     def open(self) -> Self:
         """Begin to write; whatever comes through on the way leaves nothing of what was begun."""
+        ...
+
+    def exemplified(self, rows: pa.Table) -> None:
+        """Rows of the table of examples, in its schema."""
         ...
 
     def write_maps(self) -> None: ...

@@ -89,11 +89,12 @@ def snapshot_row(number: int, snapshot: Snapshot, sha256: str, repeated: bool) -
 
 def rows_table(name: str, rows: Sequence[Row]) -> pa.Table:
     """Rows (column → value; stamps in integer nanoseconds) as a table of the schema ``name``."""
-    arrays = [_array([row[column.name] for row in rows], column.type) for column in table(name).columns]
+    arrays = [array_of([row[column.name] for row in rows], column.type) for column in table(name).columns]
     return pa.Table.from_arrays(arrays, schema=arrow_schema(name))
 
 
-def _array(values: Sequence[Any], type_text: str) -> pa.Array:
+def array_of(values: Sequence[Any], type_text: str) -> pa.Array:
+    """Values as a column of a type, spelt as the schemas spell it; stamps in integer nanoseconds."""
     arrow_type = _ARROW[type_text]
     if type_text == "dictionary<string>":
         return pa.array(values, pa.string()).dictionary_encode()
@@ -101,7 +102,7 @@ def _array(values: Sequence[Any], type_text: str) -> pa.Array:
         return pa.array(values, pa.int64()).cast(arrow_type)
     if type_text.startswith("fixed_size_list"):
         return _fixed_size_lists(values, arrow_type)
-    if type_text.startswith("list<struct"):
+    if type_text.startswith("list<struct<name: ") and all(isinstance(value, Mapping) for value in values):
         return _lists_of_pairs(values, arrow_type)
     return pa.array(values, arrow_type)
 

@@ -3,7 +3,7 @@
 ``render`` fills a template of ``templates/``, ``picture`` makes an array a picture with a scale bar.
 """
 
-from mapgraft.pages.document import readable, render
+from mapgraft.pages.document import prepare, readable, render
 from mapgraft.pages.pictures import Picture, bar_m, data_uri, picture, png, png_uri
 
-__all__ = ["Picture", "bar_m", "data_uri", "picture", "png", "png_uri", "readable", "render"]
+__all__ = ["Picture", "bar_m", "data_uri", "picture", "png", "png_uri", "prepare", "readable", "render"]

@@ -9,17 +9,25 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+PACKAGE = "mapgraft.pages"
 _REPLACEMENT = "\N{REPLACEMENT CHARACTER}"
 _HIDDEN = ("Cc", "Cf", "Cs", "Co", "Cn")  # control, invisible and direction-changing characters, and no characters
 
 
-def render(template: str, **values: object) -> str:
-    """The page of a template in ``templates/``, which extends ``base.html``.
+def render(template: str, package: str = PACKAGE, /, **values: object) -> str:
+    """The page of a template in the folder ``templates/`` of a package; pages of this one extend ``base.html``.
 
     Values are escaped wherever they are put, also in attributes; what may be markup is a ``markupsafe.Markup``. A value
     that a template asks for and does not get raises jinja2.UndefinedError.
     """
-    return _environment().get_template(template).render(**values)
+    return _environment(package).get_template(template).render(**values)
+
+
+def prepare(package: str = PACKAGE) -> None:
+    """Compile the templates of a package, so that its first page comes as fast as any other."""
+    environment = _environment(package)
+    for name in environment.list_templates(extensions=["html"]):
+        environment.get_template(name)
 
 
 def readable(text: str) -> str:
@@ -34,7 +42,7 @@ def readable(text: str) -> str:
 
 
 @cache
-def _environment() -> Environment:
+def _environment(package: str) -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
@@ -44,7 +52,7 @@ def _environment() -> Environment:
         return "" if value is None else value
 
     return Environment(
-        loader=PackageLoader("mapgraft.pages"),
+        loader=PackageLoader(package),
         autoescape=True,
         undefined=StrictUndefined,
         finalize=shown,

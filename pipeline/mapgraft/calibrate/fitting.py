@@ -1,0 +1,308 @@
+"""Labels in, thresholds out: the whole of a calibration, rule by rule."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mapgraft.calibrate.acceptance import Floor, Threshold, acceptance, accepted, cost_floor, members
+from mapgraft.calibrate.groups import Group
+from mapgraft.calibrate.labelled import Labelled, Labels
+from mapgraft.calibrate.quality import Quality, quality
+from mapgraft.calibrate.rates import Rate
+from mapgraft.calibrate.scoring import Score, fitted, single
+from mapgraft.calibrate.transfer import Transfer, building_threshold, judged, left_out, target_of, unlike
+from mapgraft.calibrate.watching import Limit, Test, Watch
+from mapgraft.decision import Rule
+from mapgraft.errors import UsageError
+
+AUTO, FIT = "auto", "fit"
+SEQUENTIAL = "sequential"  # the verifier whose limits labels can set
+_NEARLY_ALL = 0.9
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is to be promised: at most these shares of wrong hypotheses merged, of wrong ones confirmed, and of right
+    merges reverted.
+
+    ``score`` is ``fit``, the name of a number, or ``auto``: the log-odds that the rule's acceptor goes by where they
+    were measured, else a fit. With ``cost_false_accept`` nothing is merged that costs more than it saves, where not to
+    merge what is right costs ``cost_miss``.
+    """
+
+    false_accept: float = 0.01
+    false_confirm: float = 0.001
+    false_revert: float = 0.01
+    score: str = AUTO
+    cost_false_accept: float | None = None
+    cost_miss: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("false_accept", "false_confirm", "false_revert"):
+            if not 0.0 < getattr(self, name) < 1.0:
+                raise UsageError(
+                    f"{name.replace('_', '-')} must be a rate between 0 and 1, found {getattr(self, name):g}"
+                )
+        for name in ("cost_false_accept", "cost_miss"):
+            cost = getattr(self, name)
+            if cost is not None and not 0.0 < cost < math.inf:
+                raise UsageError(f"{name.replace('_', '-')} must be above 0, found {cost:g}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """What labels say of one group: three limits, what they do to the labels that set them, and by environment.
+
+    ``prior_reverts`` says whether the fall of the probability may still revert a merge. ``wrong`` and ``right`` are the
+    shares that are accepted of the group's labels; ``overlaps`` the latter by overlap.
+    """
+
+    group: Group
+    accept: Threshold
+    revert: Limit | None
+    confirm: Limit | None
+    prior_reverts: bool
+    wrong: Rate
+    right: Rate
+    overlaps: Sequence[tuple[str, Rate]] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RuleFit:
+    """One rule of the decision table with everything that labels say of it."""
+
+    rule: Rule
+    score: Score
+    examples: int
+    setting: int
+    fits: Sequence[Fit]
+    quality: Quality
+    transfer: Transfer
+    by_quality: Sequence[tuple[str, Threshold]]
+
+    @property
+    def finest(self) -> list[Fit]:
+        """The groups that labels tell of."""
+        return [fit for fit in self.fits if fit.group.resolutions]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration:
+    """All rules there are labels of, and sentences about what is doubtful."""
+
+    asked: Asked
+    labels: Labels
+    rules: Sequence[RuleFit]
+    others: Sequence[Rule]
+    remarks: Sequence[str]
+
+
+OVERLAPS = ((0.0, 0.1), (0.1, 0.3), (0.3, 0.5), (0.5, 0.7), (0.7, math.inf))
+
+
+def calibrate(labels: Labels, rules: Sequence[Rule], asked: Asked, meant: Labels | None = None) -> Calibration:
+    """Set the limits of every rule that labels tell of.
+
+    ``meant`` are examples of the maps for which the limits are meant; their labels are not looked at. Raises UsageError
+    when the labels tell of no rule there is.
+    """
+    by_name = {rule.name: rule for rule in rules}
+    labelled = labels.labelled
+    if not labelled:
+        raise UsageError(
+            f"none of {len(labels.examples)} examples in {', '.join(labels.folders)} has a label: label them with "
+            "mapgraft annotate, or evaluate recordings whose poses are trusted with --examples"
+        )
+    told = sorted({example.group.rule for example in labelled})
+    if not any(name in by_name for name in told):
+        raise UsageError(
+            f"the labels are of the rules {', '.join(told)}, the decision table has {', '.join(by_name) or 'none'}: "
+            "name the table that the examples were made by with --rules"
+        )
+    meant_examples = [] if meant is None else meant.examples
+    fits = [
+        _rule(
+            rule,
+            [example for example in labelled if example.group.rule == rule.name],
+            [example for example in meant_examples if example.group.rule == rule.name],
+            asked,
+        )
+        for rule in rules
+        if rule.name in told and rule.reject is None
+    ]
+    others = [rule for rule in rules if rule.name not in told]
+    return Calibration(asked, labels, fits, others, _remarks(labels, told, by_name, fits))
+
+
+def _rule(rule: Rule, examples: Sequence[Labelled], meant: Sequence[Labelled], asked: Asked) -> RuleFit:
+    def choose(some: Sequence[Labelled]) -> tuple[Score, Sequence[Labelled]]:
+        return choice(some, rule, asked)
+
+    score, setting = choose(examples)
+    if asked.score not in (AUTO, FIT) and not np.isfinite(score.all(examples)).any():
+        there = ", ".join(sorted({name for example in examples for name in example.numbers}))
+        raise UsageError(f"no example tells the number {asked.score}: choose one of {there}")
+    known = quality(setting, score, choose)
+    floor = cost_floor(known.curve, asked.cost_false_accept, asked.cost_miss)
+    buildings = sorted({name for example in setting for name in example.buildings})
+    everywhere = building_threshold(setting, score, asked.false_accept)
+    if math.isfinite(everywhere) and everywhere > floor.value:
+        floor = Floor(everywhere, "buildings, of which a further one is promised, too,")
+    fits = _fits(setting, examples, score, rule, asked, floor)
+    tested = [left_out(examples, name, choose, asked.false_accept) for name in buildings] if len(buildings) > 1 else []
+    limits = {fit.group: fit.accept.value for fit in fits}
+    apart = max((one.unlike for one in tested if not math.isnan(one.unlike)), default=0.0)
+    targets = target_of(setting, meant, score, limits, apart)
+    transfer = judged(len(buildings), asked.false_accept, tested, targets, by_buildings=math.isfinite(everywhere))
+    return RuleFit(
+        rule, score, len(examples), len(setting), fits, known, transfer, _by_quality(setting, score, rule, asked)
+    )
+
+
+def choice(examples: Sequence[Labelled], rule: Rule, asked: Asked) -> tuple[Score, Sequence[Labelled]]:
+    """The score of some examples, and those that are left to set thresholds: of buildings it was not fitted on."""
+    if asked.score not in (AUTO, FIT):
+        return single(asked.score), examples
+    number = _log_odds(rule)
+    has = sum(not math.isnan(example.numbers.get(number, math.nan)) for example in examples)
+    if asked.score == AUTO and examples and has >= _NEARLY_ALL * len(examples):
+        return single(number), examples
+    ours, theirs = parts(examples)
+    found = fitted(ours)
+    return (single("score"), examples) if found is None or not theirs else (found, theirs)
+
+
+def parts(examples: Sequence[Labelled]) -> tuple[list[Labelled], list[Labelled]]:
+    """Two parts with about as many labels each that share no building; pairs of a building of either are left out.
+
+    Which building goes where depends on the names of all, not on their order.
+    """
+    sizes: dict[str, int] = {}
+    for example in examples:
+        for name in example.buildings:
+            sizes[name] = sizes.get(name, 0) + 1
+    total, ours = {True: 0, False: 0}, dict[str, bool]()
+    for name in sorted(sizes, key=lambda name: (-sizes[name], hashlib.blake2b(name.encode()).digest())):
+        side = total[True] < total[False]
+        ours[name] = side
+        total[side] += sizes[name]
+    first = [example for example in examples if all(ours[name] for name in example.buildings)]
+    return first, [example for example in examples if not any(ours[name] for name in example.buildings)]
+
+
+def _log_odds(rule: Rule) -> str:
+    metric = None if rule.accept is None else rule.accept.parameters.get("metric")
+    return f"{metric or 'posterior'}.log_odds"
+
+
+def _fits(
+    setting: Sequence[Labelled], examples: Sequence[Labelled], score: Score, rule: Rule, asked: Asked, floor: Floor
+) -> list[Fit]:
+    """All groups of a rule, the finest first: thresholds, then the limits of what they let through."""
+    finest = sorted({example.group for example in examples}, key=lambda group: group.name)
+    steps = [step for level in range(3) for group in finest for step in group.coarser[level : level + 1]]
+    limits = {group: acceptance(setting, score, group, asked.false_accept, floor) for group in dict.fromkeys(steps)}
+    return [_fit(group, limits, setting, examples, score, rule, asked) for group in limits]
+
+
+def _fit(
+    group: Group,
+    limits: Mapping[Group, Threshold],
+    setting: Sequence[Labelled],
+    examples: Sequence[Labelled],
+    score: Score,
+    rule: Rule,
+    asked: Asked,
+) -> Fit:
+    limit, here = limits[group], members(setting, group)
+    same = {example.group: limit for example in here}
+    right, wrong = (accepted(here, score, same, right=kind) for kind in (True, False))
+    revert, confirm, falls = None, None, True
+    if rule.verify is not None and rule.verify.use == SEQUENTIAL and math.isfinite(limit.value):
+        by = limits if group.resolutions else dict.fromkeys(limits, limit)  # what takes the members of a coarser group
+        watch = Watch(examples, lambda e: by[e.group].passes(score.of(e.numbers)), _test(rule))
+        revert, falls = watch.reversal(group, asked.false_revert)
+        confirm = watch.confirmation(group, asked.false_confirm, revert.value)
+    return Fit(group, limit, revert, confirm, falls, wrong, right, _by_overlap(here, score, same))
+
+
+def _test(rule: Rule) -> Test:
+    told = {} if rule.verify is None else rule.verify.parameters
+    return Test(
+        str(told.get("news", "news")),
+        str(told.get("prior", "posterior")),
+        float(told.get("new_m", 2.0)),
+        float(told.get("revert_below", 0.1)),
+        math.log(float(told.get("false_confirm", 0.005)) / (1.0 - float(told.get("false_revert", 0.001)))),
+    )
+
+
+def _by_overlap(
+    examples: Sequence[Labelled], score: Score, limits: Mapping[Group, Threshold]
+) -> list[tuple[str, Rate]]:
+    out = []
+    for low, high in OVERLAPS:
+        here = [e for e in examples if e.overlap is not None and low < e.overlap + (low == 0.0) * 1e-12 <= high]
+        name = f"above {low:g}" if math.isinf(high) else f"{low:g} to {high:g}"
+        out.append((name, accepted(here, score, limits, right=True)))
+    return out
+
+
+def _by_quality(examples: Sequence[Labelled], score: Score, rule: Rule, asked: Asked) -> list[tuple[str, Threshold]]:
+    """The threshold that each third of the wrong hypotheses, by the quality of the worse map, would set alone."""
+    wrong = sorted(
+        (e for e in examples if e.right is False and e.quality is not None), key=lambda e: (e.quality or 0.0, e.unit)
+    )
+    out, group = [], Group(rule.name)
+    for n in range(3):
+        third = wrong[len(wrong) * n // 3 : len(wrong) * (n + 1) // 3]
+        if third:
+            name = f"{third[0].quality:.2f} to {third[-1].quality:.2f}"
+            out.append((name, acceptance(third, score, group, asked.false_accept)))
+    return out
+
+
+def _remarks(labels: Labels, told: Sequence[str], by_name: Mapping[str, Rule], fits: Sequence[RuleFit]) -> list[str]:
+    counts, said = labels.counts, []
+    if unknown := [name for name in told if name not in by_name]:
+        said.append(f"labels of rules that the decision table does not have were left out: {', '.join(unknown)}")
+    if counts["persons disagree"]:
+        said.append(
+            f"of {counts['persons disagree']} examples persons disagree whether they are right: they count as wrong "
+            "where that raises a threshold, and are left out otherwise"
+        )
+    if counts["a person contradicts the truth"]:
+        said.append(f"persons contradict the truth of {counts['a person contradicts the truth']} examples: it was kept")
+    if counts["held back for testing"]:
+        said.append(f"{counts['held back for testing']} examples that the dataset holds back for testing were not read")
+    if judged_other := counts["another than the first hypothesis was judged"]:
+        said.append(
+            f"of {judged_other} examples another than the first hypothesis was judged: where that was right the "
+            "first was wrong, where it was wrong nobody knows"
+        )
+    for fit in fits:
+        said += _selected(labels, fit)
+    return said
+
+
+def _selected(labels: Labels, fit: RuleFit) -> list[str]:
+    """A sentence where the labels are a choice that differs from the examples they are of."""
+    here = [example for example in labels.examples if example.group.rule == fit.rule.name]
+    without = [example for example in here if example.right is None and not example.contested]
+    if not without:
+        return []
+    labelled = [example for example in here if example.right is not None]
+    of = f"{len(without)} of {len(here)} examples of the rule {fit.rule.name!r} have no label"
+    own = fit.score.all(labelled)
+    apart = unlike(fit.score.all(without), own, own)
+    if math.isnan(apart) or apart <= 1.63 * math.sqrt(1.0 / len(without) + 1.0 / len(labelled)):
+        return [f"{of}; what is promised is promised of examples like the labelled ones"]
+    return [
+        f"{of}, and their scores differ from those of the labelled ones by {apart:.2f}: the labels are a choice, and "
+        "what is promised is promised of examples chosen alike"
+    ]

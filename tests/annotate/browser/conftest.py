@@ -1,0 +1,136 @@
+"""A real browser, and the server as ``mapgraft annotate`` starts it."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from toy_examples import write_toys
+
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+OPTIONS = [
+    *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"),
+    *("--disable-component-update", "--disable-sync"),
+]
+EXAMPLES = 160
+_ADDRESS = re.compile(r"http://\S+/")
+
+
+class Server:
+    """``mapgraft annotate`` in a process of its own, as a person starts it."""
+
+    def __init__(self, *folders: Path, options: tuple[str, ...] = ()) -> None:
+        self.folders = folders
+        self._options = options
+        self.start()
+
+    def start(self) -> None:
+        command = [
+            sys.executable,
+            "-m",
+            "mapgraft",
+            "annotate",
+            *map(str, self.folders),
+            "--no-browser",
+            *self._options,
+        ]
+        pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
+        self.process = subprocess.Popen(command, **pipes)
+        assert self.process.stdout is not None
+        found = next(filter(None, map(_ADDRESS.search, self.process.stdout)), None)
+        if found is None:
+            raise RuntimeError(f"{' '.join(command)} printed no address")
+        self.address = found.group()
+
+    def end(self, how: signal.Signals = signal.SIGTERM) -> None:
+        self.process.send_signal(how)
+        self.process.wait(30)
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Any]:
+    """A headless Chromium, driven by Playwright; skips where there is none, but not in CI, where one is installed."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install 'mapgraft[test]'")
+    with sync_api.sync_playwright() as playwright:
+        path = _installed() or playwright.chromium.executable_path
+        if not Path(path).is_file():
+            sentence = "needs a browser: apt-get install chromium, or its path in MAPGRAFT_CHROMIUM"
+            if os.environ.get("CI", "").lower() in ("1", "true", "yes"):
+                pytest.fail(f"{sentence}; in CI these tests are not skipped")
+            pytest.skip(sentence)
+        browser = playwright.chromium.launch(executable_path=path, args=OPTIONS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="session")
+def examples(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of examples that all tests share; each answers under a name of its own."""
+    folder = tmp_path_factory.mktemp("shared")
+    write_toys(folder, EXAMPLES)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def server(chromium: Any, examples: Path) -> Iterator[Server]:
+    """A server on the shared folder."""
+    running = Server(examples)
+    yield running
+    running.end()
+
+
+@pytest.fixture
+def start(chromium: Any) -> Iterator[Callable[..., Server]]:
+    """Starts servers of a test's own, which end with the test."""
+    running: list[Server] = []
+
+    def begin(*folders: Path, options: tuple[str, ...] = ()) -> Server:
+        running.append(Server(*folders, options=options))
+        return running[-1]
+
+    yield begin
+    for one in running:
+        if one.process.poll() is None:
+            one.end()
+
+
+@pytest.fixture
+def visit(chromium: Any, request: pytest.FixtureRequest) -> Iterator[Callable[..., Any]]:
+    """Opens a server's page under a name, in a browser profile of its own; the maps are on the page when it returns.
+
+    What the browser complains of (scripts that fail, what the content security policy forbids) fails the test, unless
+    the test takes it out of ``page.complaints``.
+    """
+    contexts: list[Any] = []
+    complaints: list[str] = []
+
+    def open_page(server: Server, name: str = request.node.name[:60], **options: Any) -> Any:
+        context = chromium.new_context(**{"viewport": {"width": 1280, "height": 800}, **options})
+        context.set_default_timeout(20_000)
+        contexts.append(context)
+        page = context.new_page()
+        page.complaints = complaints
+        page.on("console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.goto(f"{server.address}?name={name}")
+        page.wait_for_selector("#stage[data-shown]")
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert not complaints
+
+
+def _installed() -> str | None:
+    return os.environ.get("MAPGRAFT_CHROMIUM") or next(filter(None, map(shutil.which, NAMES)), None)
