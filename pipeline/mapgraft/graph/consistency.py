@@ -87,12 +87,13 @@ class Explanation:
 def explain(claims: Iterable[Claim], settings: Settings | None = None) -> Explanation:
     """The set of wrong claims that best explains which loops close and which do not.
 
-    Every loop that does not close must have a wrong claim; calling one wrong costs its support, and so does every loop
-    that closes although it is in it. Where claims about the same two sources are many this is the largest set of
-    pairwise consistent measurements (Mangelson et al. 2018, PCM), weighted; longer loops are its k-ary form (Forsgren
-    et al. 2022, group-k). A claim is called wrong only when it cannot be spared: the best explanation in which it is
-    right is worse by the margin. Where it can, it and the claims that would be wrong instead are in dispute. A pure
-    function of the claims that stand, whatever the order in which they come.
+    Every loop that does not close must have a wrong claim; calling one wrong costs its support, calling one right that
+    is improbable costs what speaks against it, and every loop that closes although a wrong one is in it costs, too.
+    Where claims about the same two sources are many this is the largest set of pairwise consistent measurements
+    (Mangelson et al. 2018, PCM), weighted; longer loops are its k-ary form (Forsgren et al. 2022, group-k). A claim is
+    called wrong only when it cannot be spared: the best explanation in which it is right is worse by the margin. Where
+    it can, it and the claims that would be wrong instead are in dispute. A pure function of the claims that stand,
+    whatever the order in which they come.
     """
     standing = Claims(claim for claim in claims if claim.is_active)
     return _explained(_Asked(standing.digest(), tuple(standing), settings or Settings()))
@@ -114,15 +115,46 @@ def _explained(asked: _Asked) -> Explanation:
     exact = True
     if not told:
         return Explanation(loops)
-    for edges, mine in _components(loops):
-        problem = _problem(edges, mine, told, asked.settings)
-        best = solve(problem)
+    margin, views = asked.settings.margin, _views(asked.claims, loops)
+    for part in _components(_merged(loops, views), {views[edge] for edge in told}):
+        problem = _problem(part, told, asked.settings)
+        best, spared = _solved(problem, margin)
         exact = exact and best.exact
-        for at, spared in _spared(problem, best, asked.settings.margin).items():
-            grounds = _with_margin(told[edges[at]], best, spared)
-            into = disputed if spared.cost < best.cost + asked.settings.margin else wrong
-            into[edges[at]] = grounds
+        for at, other in spared.items():
+            into = disputed if other.cost < best.cost + margin else wrong
+            into.update({edge: _with_margin(told[edge], best, other) for edge in part.views[at] if edge in told})
     return Explanation(loops, told, _sorted(wrong), _sorted(disputed), exact)
+
+
+View = tuple[Edge, ...]  # claims about the same two maps that agree, from either side: one and the same opinion
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """Views that may be wrong, and the loops of views that matter to them: bit masks of the views."""
+
+    views: tuple[View, ...]
+    broken: tuple[int, ...]
+    closed: tuple[int, ...]
+
+
+def _views(claims: Iterable[Claim], loops: Iterable[Loop]) -> dict[Edge, View]:
+    """What each claim belongs to: where bravo sees alpha as alpha sees bravo, that is one view of the same two maps.
+
+    Whatever deceives one of them deceives the other, so they are right or wrong together.
+    """
+    out: dict[Edge, View] = {claim.edge: (claim.edge,) for claim in claims}
+    for loop in loops:
+        if len(loop.claims) == 2 and loop.consistent:
+            both = tuple(sorted(claim.edge for claim in loop.claims))
+            out.update(dict.fromkeys(both, both))
+    return out
+
+
+def _merged(loops: Iterable[Loop], views: Mapping[Edge, View]) -> dict[tuple[frozenset[View], bool], None]:
+    """Loops of views, each told once, however many of its claims say the same, and whether it closes."""
+    made = ((frozenset(views[claim.edge] for claim in loop.claims), loop.consistent) for loop in loops)
+    return dict.fromkeys(one for one in made if len(one[0]) > 1)
 
 
 def _told(loops: Sequence[Loop]) -> dict[Edge, Grounds]:
@@ -142,44 +174,78 @@ def _grounds(claim: Claim, loops: Sequence[Loop]) -> Grounds:
     return Grounds(claim, len(bad), len(loops) - len(bad), worst.mahalanobis2, worst.limit)
 
 
-def _components(loops: Sequence[Loop]) -> list[tuple[list[Edge], list[Loop]]]:
-    """The claims that may be wrong, in parts that have no loop in common, each with the loops that matter to it.
+def _components(loops: Iterable[tuple[frozenset[View], bool]], suspects: set[View]) -> list[_Part]:
+    """The views that may be wrong, in parts that have no loop in common, each with the loops that matter to it.
 
-    Only claims in loops that do not close may be.
+    Only those in loops that do not close may be.
     """
-    suspects = {claim.edge for loop in loops if not loop.consistent for claim in loop.claims}
-    parent = {edge: edge for edge in suspects}
+    parent = {view: view for view in suspects}
 
-    def root(edge: Edge) -> Edge:
-        while parent[edge] != edge:
-            parent[edge] = parent[parent[edge]]
-            edge = parent[edge]
-        return edge
+    def root(view: View) -> View:
+        while parent[view] != view:
+            parent[view] = parent[parent[view]]
+            view = parent[view]
+        return view
 
-    mine = [[claim.edge for claim in loop.claims if claim.edge in suspects] for loop in loops]
-    for edges in mine:
-        for edge in edges[1:]:
-            first, second = sorted((root(edges[0]), root(edge)))
+    mine = [(sorted(passed & suspects), closes) for passed, closes in loops]
+    for met, _ in mine:
+        for view in met[1:]:
+            first, second = sorted((root(met[0]), root(view)))
             parent[second] = first
-    parts: dict[Edge, tuple[list[Edge], list[Loop]]] = {}
-    for edge in sorted(suspects):
-        parts.setdefault(root(edge), ([], []))[0].append(edge)
-    for loop, edges in zip(loops, mine, strict=True):
-        if edges:
-            parts[root(edges[0])][1].append(loop)
-    return list(parts.values())
+    place: dict[View, int] = {}
+    members: dict[View, list[View]] = {}
+    for view in sorted(suspects):
+        into = members.setdefault(root(view), [])
+        place[view] = len(into)
+        into.append(view)
+    masks: dict[tuple[View, bool], list[int]] = {}
+    for met, closes in mine:
+        if met:
+            masks.setdefault((root(met[0]), closes), []).append(sum(1 << place[view] for view in met))
+
+    def told(first: View, closes: bool) -> tuple[int, ...]:
+        return tuple(sorted(masks.get((first, closes), ())))
+
+    return [_Part(tuple(views), told(first, False), told(first, True)) for first, views in members.items()]
 
 
-def _problem(edges: Sequence[Edge], loops: Sequence[Loop], told: Mapping[Edge, Grounds], settings: Settings) -> Problem:
-    place = {edge: n for n, edge in enumerate(edges)}
-    masks = [sum(1 << place[claim.edge] for claim in loop.claims if claim.edge in place) for loop in loops]
+def _problem(part: _Part, told: Mapping[Edge, Grounds], settings: Settings) -> Problem:
+    supports = [_support([told[edge].claim.support for edge in view if edge in told]) for view in part.views]
     return Problem(
-        costs=tuple(max(LEAST_COST, told[edge].claim.support) for edge in edges),
-        broken=tuple(mask for mask, loop in zip(masks, loops, strict=True) if not loop.consistent),
-        closed=tuple(mask for mask, loop in zip(masks, loops, strict=True) if loop.consistent),
+        costs=tuple(max(LEAST_COST, support) for support in supports),
+        broken=part.broken,
+        closed=part.closed,
         by_chance=settings.by_chance,
         by_alias=settings.by_alias,
+        penalties=tuple(max(0.0, -support) for support in supports),
     )
+
+
+def _support(supports: Sequence[float]) -> float:
+    """Of claims that say the same: what speaks for them is one and the same, what speaks against them adds up."""
+    return max(0.0, *supports) + math.fsum(min(0.0, one) for one in supports)
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _solved(problem: Problem, margin: float) -> tuple[Solution, Mapping[int, Solution]]:
+    """The best explanation of one part, and of each claim in question the best one that spares it.
+
+    A part that has not changed since is not searched again.
+    """
+    best = solve(problem)
+    needed = _needed(problem, best)  # what else is known of a claim by itself is its verifier's affair
+    spared = _spared(problem, best, margin)
+    return best, {at: other for at, other in spared.items() if at not in best.wrong or at in needed}
+
+
+def _needed(problem: Problem, best: Solution) -> set[int]:
+    """The claims that are called wrong because of loops, and not only because they are improbable by themselves."""
+    needed = sum(1 << at for at in best.wrong)
+    for at in sorted(best.wrong, key=lambda one: (problem.penalties[one], one)):
+        without = needed & ~(1 << at)
+        if problem.penalties[at] > 0.0 and all(mask & without for mask in problem.broken):
+            needed = without
+    return {at for at in best.wrong if needed >> at & 1}
 
 
 def _spared(problem: Problem, best: Solution, margin: float) -> dict[int, Solution]:

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft.graph.chains import Similarity
+from mapgraft.graph.chains import Similarity, seen_from
 from mapgraft.graph.claims import Claim, Source
 
 LONGEST: Final = 9  # claims in one loop
@@ -65,6 +65,15 @@ class Loop:
     mahalanobis2: float
     limit: float
     consistent: bool
+
+    def without(self, claim: Claim) -> Similarity:
+        """Where the donor of one of its claims lies in the receiver's map by all the other ones."""
+        at = self.claims.index(claim)
+        around = [(at + k) % len(self.claims) for k in range(1, len(self.claims))]
+        out = Similarity.identity()  # from the far end of the claim on, along the loop, back to its near end
+        for k in around:
+            out = out.then(seen_from(self.sources[k], self.claims[k]))
+        return out.inverse() if self.sources[at] == claim.receiver else out
 
 
 Walk = tuple[tuple[Source, ...], tuple[Claim, ...]]
