@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Final
 
+from mapgraft.graph.book import Book, Grounds, View
 from mapgraft.graph.claims import Claim, Claims, Edge
 from mapgraft.graph.hitting import MOST_WORK, Problem, Solution, solve
-from mapgraft.graph.loops import Loop, Tolerance, find_loops
+from mapgraft.graph.loops import Loop, Tolerance
 
 LEAST_COST: Final = 0.1  # nats: calling a claim wrong is never free
 REMEMBERED: Final = 64  # explanations: robots that heard the same ask the same
@@ -29,44 +30,6 @@ class Settings:
     by_chance: float = 7.0
     by_alias: float = 2.0
     tolerance: Tolerance = field(default_factory=Tolerance)
-
-
-@dataclass(frozen=True, slots=True)
-class Grounds:
-    """What loops say of one claim.
-
-    ``mahalanobis2`` is the worst of its inconsistent loops, with ``limit``. ``margin`` (nats) is
-    by how much worse all loops are explained when the claim is right; of a claim that is called wrong or in dispute.
-    """
-
-    claim: Claim
-    inconsistent: int
-    consistent: int
-    mahalanobis2: float
-    limit: float
-    margin: float = 0.0
-    exact: bool = True
-
-    @property
-    def evidence(self) -> dict[str, float]:
-        """For events."""
-        return {
-            "loop_mahalanobis": math.sqrt(self.mahalanobis2),
-            "loop_mahalanobis.revert_at": math.sqrt(self.limit),
-            "loops_inconsistent": float(self.inconsistent),
-            "loops_consistent": float(self.consistent),
-            "loops_margin": self.margin if math.isfinite(self.margin) else 1e3,
-            "loops_exact": float(self.exact),
-        }
-
-    @property
-    def sentence(self) -> str:
-        """For people."""
-        of = self.inconsistent + self.consistent
-        return (
-            f"{self.inconsistent} of the {of} loops of merges through it do not close "
-            f"(Mahalanobis distance {math.sqrt(self.mahalanobis2):.1f}, {math.sqrt(self.limit):.1f} allowed)"
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,25 +71,29 @@ class _Asked:
 
 @lru_cache(maxsize=REMEMBERED)
 def _explained(asked: _Asked) -> Explanation:
-    loops = find_loops(asked.claims, asked.settings.tolerance)
-    told = _told(loops)
+    book = _book(asked.settings.tolerance)
+    book.bring_up_to(asked.claims)
+    told = book.told()
+    if not told:
+        return Explanation(book.loops)
     wrong: dict[Edge, Grounds] = {}
     disputed: dict[Edge, Grounds] = {}
-    exact = True
-    if not told:
-        return Explanation(loops)
-    margin, views = asked.settings.margin, _views(asked.claims, loops)
-    for part in _components(_merged(loops, views), {views[edge] for edge in told}):
+    exact, margin = True, asked.settings.margin
+    loops = (one for cycle in book.rounds.values() for one in cycle.merged)
+    for part in _components(loops, {book.views[edge] for edge in told}):
         problem = _problem(part, told, asked.settings)
         best, spared = _solved(problem, margin)
         exact = exact and best.exact
         for at, other in spared.items():
             into = disputed if other.cost < best.cost + margin else wrong
             into.update({edge: _with_margin(told[edge], best, other) for edge in part.views[at] if edge in told})
-    return Explanation(loops, told, _sorted(wrong), _sorted(disputed), exact)
+    return Explanation(book.loops, told, _sorted(wrong), _sorted(disputed), exact)
 
 
-View = tuple[Edge, ...]  # claims about the same two maps that agree, from either side: one and the same opinion
+@lru_cache(maxsize=4)
+def _book(tolerance: Tolerance) -> Book:
+    """Robots that heard nearly the same share what is known of its loops."""
+    return Book(tolerance)
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,42 +103,6 @@ class _Part:
     views: tuple[View, ...]
     broken: tuple[int, ...]
     closed: tuple[int, ...]
-
-
-def _views(claims: Iterable[Claim], loops: Iterable[Loop]) -> dict[Edge, View]:
-    """What each claim belongs to: where bravo sees alpha as alpha sees bravo, that is one view of the same two maps.
-
-    Whatever deceives one of them deceives the other, so they are right or wrong together.
-    """
-    out: dict[Edge, View] = {claim.edge: (claim.edge,) for claim in claims}
-    for loop in loops:
-        if len(loop.claims) == 2 and loop.consistent:
-            both = tuple(sorted(claim.edge for claim in loop.claims))
-            out.update(dict.fromkeys(both, both))
-    return out
-
-
-def _merged(loops: Iterable[Loop], views: Mapping[Edge, View]) -> dict[tuple[frozenset[View], bool], None]:
-    """Loops of views, each told once, however many of its claims say the same, and whether it closes."""
-    made = ((frozenset(views[claim.edge] for claim in loop.claims), loop.consistent) for loop in loops)
-    return dict.fromkeys(one for one in made if len(one[0]) > 1)
-
-
-def _told(loops: Sequence[Loop]) -> dict[Edge, Grounds]:
-    claims = {claim.edge: claim for loop in loops if not loop.consistent for claim in loop.claims}
-    through: dict[Edge, list[Loop]] = {edge: [] for edge in sorted(claims)}
-    if claims:
-        for loop in loops:
-            for claim in loop.claims:
-                if claim.edge in through:
-                    through[claim.edge].append(loop)
-    return {edge: _grounds(claims[edge], met) for edge, met in through.items()}
-
-
-def _grounds(claim: Claim, loops: Sequence[Loop]) -> Grounds:
-    bad = [loop for loop in loops if not loop.consistent]
-    worst = max(bad, key=lambda loop: loop.mahalanobis2 / loop.limit)
-    return Grounds(claim, len(bad), len(loops) - len(bad), worst.mahalanobis2, worst.limit)
 
 
 def _components(loops: Iterable[tuple[frozenset[View], bool]], suspects: set[View]) -> list[_Part]:

@@ -9,9 +9,10 @@ from typing import Final, Literal
 from mapgraft.contracts import Verdict
 from mapgraft.decision import DecisionTable
 from mapgraft.graph.attached import Attachments
+from mapgraft.graph.book import Grounds
 from mapgraft.graph.chains import Chain, best_chains
 from mapgraft.graph.claims import Claim, Claims, Edge, Source, State, is_covariance
-from mapgraft.graph.consistency import Explanation, Grounds, Settings, explain
+from mapgraft.graph.consistency import Explanation, Settings, explain
 from mapgraft.graph.contradictions import Contradictions, is_contradicted
 from mapgraft.graph.held import HeldLayers
 from mapgraft.merge import Merge
