@@ -21,7 +21,7 @@ ERROR: Final = 0.1  # share of what is seen that is not as a right hypothesis pr
 CHANCE: Final = 0.4  # the same of a wrong one, where nothing else is predicted
 _BLOCK: Final = 2  # cells: what is seen within half a metre is one piece of evidence
 _RAYS: Final = 90
-_MOST_VIEWS: Final = 2000
+_MOST_VIEWS: Final = 600
 _MOST_CELLS: Final = 4_000_000
 _NEARLY: Final = 0.9  # a share of the best that is worth a shorter way
 
@@ -50,10 +50,8 @@ class Place:
     def sentence(self) -> str:
         """One clause for a person."""
         what = "tell the two apart" if self.has_rival else "tell whether it is right"
-        return (
-            f"from ({self.x_m:.1f}, {self.y_m:.1f}) m a look at ({self.look_x_m:.1f}, {self.look_y_m:.1f}) m would best "
-            f"{what}: {self.nats:.1f} nats expected"
-        )
+        stand, look = f"({self.x_m:.1f}, {self.y_m:.1f}) m", f"({self.look_x_m:.1f}, {self.look_y_m:.1f}) m"
+        return f"from {stand} a look at {look} would best {what}: {self.nats:.1f} nats expected"
 
     @property
     def evidence(self) -> Mapping[str, float]:
