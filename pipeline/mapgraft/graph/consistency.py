@@ -23,12 +23,14 @@ class Settings:
 
     ``margin`` (nats) is by how much the best explanation must beat the best one that spares a claim before that claim
     is called wrong. ``by_chance`` is -log of the probability that a loop with one wrong claim closes all the same,
-    ``by_alias`` with several: where buildings repeat, wrong claims agree.
+    ``by_alias`` with several: where buildings repeat, wrong claims agree. With ``trials`` robots measure their own
+    merges that lie in loops that do not close.
     """
 
     margin: float = 3.0
     by_chance: float = 7.0
     by_alias: float = 2.0
+    trials: bool = True
     tolerance: Tolerance = field(default_factory=Tolerance)
 
 

@@ -55,8 +55,7 @@ class Contradictions:
             return
         rivals = [loop.without(claim) for loop in explanation.loops if not loop.consistent and claim in loop.claims]
         key = self._key(merge, rivals)
-        meeting = self._meeting(merge, claim.donor, layers)
-        if meeting is None or self._tried.get(merge.merge_id) == key:
+        if self._tried.get(merge.merge_id) == key or (meeting := self._meeting(merge, claim.donor, layers)) is None:
             return
         self._tried[merge.merge_id] = key
         attempts, about_m = self.standing.attempts, merge.site.about_m

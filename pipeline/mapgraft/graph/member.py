@@ -125,7 +125,7 @@ class Member:
             for claim in [one for one in self.claims if not one.is_active and one.receiver == self.me]:
                 self._obey(claim, stamp_ns)
             for edge, grounds in explanation.told.items():
-                if edge.receiver == self.me:
+                if edge.receiver == self.me and self.settings.trials:
                     self.contradictions.try_out(grounds.claim, explanation, self.layers, stamp_ns)
             self.publish(stamp_ns)
             if self.claims.version != before:
