@@ -119,7 +119,7 @@ def settings_of(config: ConsistencyConfig) -> Settings:
     limits = tuple((freedom, float(chdtri(freedom, 1.0 - config.quantile))) for freedom in (3, 6))
     told = (config.sigmas, config.floor_m, config.floor_rad)
     tolerance = Tolerance(*told, chi2=limits, cap_m=config.cap_m, cap_rad=config.cap_rad)
-    return Settings(config.margin, tolerance=tolerance)
+    return Settings(config.margin, tolerance=tolerance, trials=config.trials)
 
 
 def map_type_of(name: str, kinds: Iterable[str], config: Config, workshop: Workshop) -> MapType:

@@ -23,8 +23,10 @@ from mapgraft.contracts import (
     Step,
     Transform,
 )
-from mapgraft.errors import MapError
+from mapgraft.deciding import Place, deciding_place
+from mapgraft.errors import MapError, PluginError
 from mapgraft.graph.claims import Source
+from mapgraft.graph.support import log_odds_of
 from mapgraft.guard import Call
 from mapgraft.procedures import Tools, Workshop
 from mapgraft.refusals import Refusals
@@ -85,6 +87,7 @@ class Attempt:
     """What came of it. ``match`` is the chosen or else the best hypothesis; ``grafted`` is there when accepted.
 
     ``found`` is what the matcher found, ``candidates`` what the acceptor was shown, ``meeting`` where the maps met.
+    Where it is ambiguous, ``place`` tells from where to look to decide, if that is known.
     """
 
     verdict: Literal["provisional", "ambiguous", "unmatched"]
@@ -96,6 +99,7 @@ class Attempt:
     found: Sequence[Match] = ()
     candidates: Sequence[Candidate] = ()
     meeting: Meeting | None = None
+    place: Place | None = None
 
 
 @dataclass(slots=True)
@@ -108,6 +112,7 @@ class Attempts:
     sights: dict[str, Sight] = field(default_factory=dict)
     refusals: Refusals = field(default_factory=Refusals)
     rendezvous: Rendezvous | None = None
+    at: Transform | None = None  # where the robot was last
 
     def make(self, tools: Tools, donation: Donation, prior: Prior | None, about_m: Sequence[float]) -> Attempt:
         """One attempt with the donor's layer as it is now; ``about_m`` is where the donor's map is, in its frame.
@@ -190,8 +195,17 @@ class Attempts:
         """A context for what is no call of a plugin: what fails there is a layer, a map or a region of the map type."""
         return self.workshop.guard.naming("map type", self.own_type.name)
 
-    def changed(self) -> None:
-        """The receiver's map has changed."""
+    def log_odds(self, tools: Tools, meeting: Meeting, match: Match) -> float | None:
+        """The log-odds (nats) that a match is right, as the metrics of a rule see both maps now.
+
+        None where no metric tells a probability, or the maps do not meet there. Raises what a plugin raises.
+        """
+        with self._naming():
+            return log_odds_of(self._candidate(tools, meeting, match).measurements.values())
+
+    def changed(self, at: Transform | None = None) -> None:
+        """The receiver's map has changed, and where the robot is."""
+        self.at = at or self.at
         for sight in self.sights.values():
             sight.changed()
 
@@ -200,15 +214,25 @@ class Attempts:
         decision = tools.acceptor.accept(candidates)
         chosen = candidates[decision.chosen or 0]
         accepted = decision.verdict == "provisional" and decision.chosen is not None
+        place = self._deciding(meeting, candidates) if decision.verdict == "ambiguous" else None
         return Attempt(
             decision.verdict,
-            decision.reason,
+            decision.reason if place is None else f"{decision.reason}; {place.sentence}",
             hypotheses,
             chosen.match,
-            tuple(chosen.measurements.values()),
+            (*chosen.measurements.values(), *([place.measurement] if place else ())),
             self._graft(tools, meeting, chosen.match) if accepted else None,
             candidates=candidates,
+            place=place,
         )
+
+    def _deciding(self, meeting: Meeting, candidates: Sequence[Candidate]) -> Place | None:
+        """From where to look to tell the two best hypotheses apart; that it cannot be told decides nothing."""
+        try:
+            matches = [candidate.match for candidate in candidates]
+            return deciding_place(meeting.map_type, meeting.target, meeting.source, matches, self.at)
+        except (MapError, PluginError):  # a map that cannot be shown is told of when it is
+            return None
 
     def _candidate(self, tools: Tools, meeting: Meeting, match: Match) -> Candidate:
         T = match.T_receiver_donor.snapped()

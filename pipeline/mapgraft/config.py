@@ -53,6 +53,7 @@ class ConsistencyConfig(Section):
     the standard deviations that the merges state times ``sigmas``, and ``floor_m`` and ``floor_rad`` per merge for what
     cells and bent maps hide. A residual of more than ``cap_m`` or ``cap_rad`` is never taken for closed. A merge is
     called wrong when every explanation in which it is right is worse by ``margin`` nats; otherwise it is in dispute.
+    With ``trials`` a robot measures its own merges that lie in such loops on the maps themselves.
     """
 
     quantile: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.999
@@ -62,6 +63,7 @@ class ConsistencyConfig(Section):
     cap_m: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 2.0
     cap_rad: Annotated[float, Field(gt=0, le=TURN_RAD)] = 0.26
     margin: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 3.0
+    trials: bool = True
 
 
 class PartitionConfig(Section):

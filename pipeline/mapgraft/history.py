@@ -81,7 +81,7 @@ class Journal:
             provenance.source,
             **_of_donor(provenance),
             **_of_tools(tools),
-            **_of_match(attempt.match, T, fusion),
+            **_of_match(attempt.match, T, {**fusion, **(attempt.place.evidence if attempt.place else {})}),
             merge_id=merge_id,
             state="provisional" if merged else "candidate",
             reason=reason,

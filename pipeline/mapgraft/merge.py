@@ -25,6 +25,7 @@ from mapgraft.contracts import (
 from mapgraft.errors import PluginError
 from mapgraft.graph.chains import Chain
 from mapgraft.graph.support import as_believed, support_of
+from mapgraft.graph.trial import Trial
 from mapgraft.procedures import Tools
 from mapgraft.refusals import NEAR_M, NEAR_RAD
 from mapgraft.registration import Site, displacement
@@ -124,6 +125,7 @@ class Merge:
     state: State = "provisional"
     history: list[Sample] = field(default_factory=list)
     decided_by_person: bool = False
+    trial: Trial | None = None  # where it contradicts other merges, what both maps say of it by themselves
     unwatched: bool = False  # what measures or judges it has failed: it stays as it is
     verdict: Verdict | None = None
     complaints: list[PluginError] = field(default_factory=list)  # of metrics that judge nothing
@@ -187,6 +189,7 @@ class Merge:
         It stands where it was put last, and the state stays. Raises PluginError when a metric fails.
         """
         del self.stood[:-1]
+        self.trial = None
         if self.unwatched:
             return
         self._judged.watches.clear()
@@ -334,7 +337,9 @@ class Merge:
 
     @property
     def support(self) -> float:
-        """The log-odds (nats) that it is right, as its robot judges now."""
+        """The log-odds (nats) that it is right, as its robot judges now; what it was tried for last tells most."""
+        if self.trial is not None and not self.decided_by_person:
+            return self.trial.support
         return support_of(self.history, self.verdict, self.state == "confirmed", self.decided_by_person)
 
     def tells(self, verdict: Verdict, wanted: bool = False) -> bool:

@@ -67,6 +67,11 @@ class Refusals:
         """One of the maps is another one now: only what a person took out is still refused."""
         self.by_donor[donor] = [refusal for refusal in self.by_donor.get(donor, ()) if refusal.by_person]
 
+    def lift(self, donor: str, merge_id: str) -> None:
+        """What spoke against one merge has turned out to be wrong."""
+        known = self.by_donor.get(donor, ())
+        self.by_donor[donor] = [one for one in known if one.merge_id != merge_id or one.by_person]
+
     def at(self, donor: str, T_receiver_donor: Transform, about_m: Sequence[float]) -> list[Refusal]:
         """What was taken out at this place; ``about_m`` is where the donor's map is, in its frame."""
         known = self.by_donor.get(donor, ())

@@ -15,6 +15,7 @@ from mapgraft.recording.poses.rigid import Pose7, from_transform, interpolate, t
 
 METRIC: Final = "rendezvous"
 MOST: Final = 64  # sightings of one robot by another that are kept and told
+FARTHEST: Final = 1e6  # metres or radians
 GAP_NS: Final = 2_000_000_000  # the poses on both sides of a sighting may lie so far apart
 
 
@@ -133,10 +134,10 @@ class Rendezvous:
 
 
 def believable(seen: Seen) -> bool:
-    """Whether a measurement is one: finite, and with standard deviations above zero."""
+    """Whether a measurement is one: no larger than anything on earth, and with standard deviations above zero."""
     x, y, yaw, sigma_m, sigma_yaw = seen
-    place = all(map(math.isfinite, (x, y, sigma_m))) and sigma_m > 0.0
-    return place and (math.isnan(yaw) or (math.isfinite(yaw) and math.isfinite(sigma_yaw) and sigma_yaw > 0.0))
+    place = abs(x) <= FARTHEST and abs(y) <= FARTHEST and 0.0 < sigma_m <= FARTHEST
+    return place and (math.isnan(yaw) or (abs(yaw) <= FARTHEST and 0.0 < sigma_yaw <= FARTHEST))
 
 
 def _spread(stamps: Sequence[int], spacing_ns: int) -> list[int]:

@@ -98,7 +98,7 @@ class Robot:
             self.left_out.add(observation, str(error))
             self.fail(error, observation.stamp_ns)
             return
-        self.attempts.changed()
+        self.attempts.changed(observation.T_map_base)
         if self.recollection is not None:
             self.recollection.observations.append(observation)
         if self.rendezvous is not None:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
 from mapgraft.attempt import Attempt, Attempts, Grafted, Meeting
-from mapgraft.contracts import Exactness, MapMetadata, Observation, Region, Sample, Verdict
+from mapgraft.contracts import Exactness, MapMetadata, Observation, Region, Sample, Transform, Verdict
 from mapgraft.errors import FailedPluginError, IrreversibleError, MapError, PluginError, ReversalError
 from mapgraft.events import Kind
 from mapgraft.exchange import Offer, SentLayer
 from mapgraft.graph.claims import Source
 from mapgraft.graph.held import Layers
+from mapgraft.graph.support import LOG_ODDS_WRONG
 from mapgraft.guarded_map_type import KIND
 from mapgraft.history import Journal, Moment
 from mapgraft.merge import Merge
@@ -29,12 +30,21 @@ LONG: Final = 64  # observations: so often it is found out which of them are sti
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """When a merge was reverted, who decided, and why."""
+    """When a merge was reverted, who decided, and why; and where it stood, after how many corrections of both maps.
+
+    ``against`` is what the verifier has found against it (nats), 0 where it was not the one who decided; ``about_m`` is
+    where the donor's map is, in its frame.
+    """
 
     merge_id: str
     stamp_ns: int
     by: str
     reason: str
+    donor: Source
+    T_receiver_donor: Transform
+    corrections: tuple[int, int]
+    about_m: Sequence[float]
+    against: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -307,7 +317,7 @@ class Standing:
         self.changes += 1
         self._fused_changed()
         merge.state = "reverted"
-        self.ended[merge.donor] = Ending(merge.merge_id, stamp_ns, grounds.by, grounds.reason)
+        self.ended[merge.donor] = _ending(merge, stamp_ns, grounds)
         if refuse:
             refusal = Refusal(merge.merge_id, tuple(merge.stood), merge.match.score, grounds.by_person)
             self.attempts.refusals.add(merge.donor, refusal)
@@ -357,3 +367,10 @@ class Standing:
         """Take a snapshot of the robot's maps; a map type that cannot show them is complained of."""
         for error in self.own.show(why, stamp_ns, merge_id, (*self.all, *entering)):
             self.complain(error, stamp_ns, "")
+
+
+def _ending(merge: Merge, stamp_ns: int, grounds: Grounds) -> Ending:
+    source = Source(merge.provenance.source, merge.provenance.epoch)
+    against = 0.0 if grounds.by_person else (grounds.evidence or {}).get(LOG_ODDS_WRONG, 0.0)
+    where = (merge.comparison.T_receiver_donor, merge.corrections, merge.site.about_m)
+    return Ending(merge.merge_id, stamp_ns, grounds.by, grounds.reason, source, *where, against)

@@ -1,14 +1,18 @@
-"""Nine robots on the Intel log, every third merge forced wrong: what loops of merges alone find out.
+"""Nine robots on the Intel log, every third merge forced wrong: what contradictions between merges find out.
 
-    python tests/bench/bench_nine.py [--every 3] [--robots 9] [--keep 1.0] [--along]
+    python tests/bench/bench_nine.py [--every 3] [--robots 9] [--keep 1.0] [--ring] [--likely] [--blind]
+                                      [--along]
 
 The log is cut into nine robots with maps and frames of their own. When all have mapped, they meet once: every third
-pair that would be merged is put somewhere else, 3 to 9 m off. No robot maps on, so nothing but the consistency of the
-merges can tell; the merges' own probabilities are kept from it, too. What stands then is held against the log's poses,
-the wrong merges that are left are taken out by hand, and every map is compared, byte for byte, with that of a second
-meeting at which the same pairs were not merged at all. With ``--keep`` only a share of the pairs merges, so that merges
-lie in fewer loops. With ``--along`` the robots map all at once and meet every minute, so that new cells speak, too, and
-lies are told again and again.
+pair that would be merged is put somewhere else, 3 to 9 m off. No robot maps on, and no merge knows its probability, so
+nothing but the contradictions between merges can start a search for the wrong ones. What stands then is held against
+the log's poses, the wrong merges that are left are taken out by hand, and every map is compared, byte for byte, with
+that of a second meeting at which the same pairs were not merged at all.
+
+With ``--keep`` only a share of the pairs merges, so that merges lie in fewer loops; with ``--ring`` only neighbours do,
+which makes pairs and one loop of all. With ``--likely`` the lies are the best other places that the matcher finds. With
+``--blind`` nothing is measured where merges contradict each other, so that loops alone must tell. With ``--along`` the
+robots map all at once and meet every minute, so that new cells speak, too, and lies are told again and again.
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -65,8 +70,22 @@ class Met:
         return shift_m <= RIGHT_M and turn_rad <= RIGHT_RAD
 
 
-def config_of(count: int, every: int, keep: float, refuse: bool) -> dict[str, Any]:
+@dataclass(frozen=True)
+class How:
+    """What the meeting is like."""
+
+    robots: int
+    every: int
+    keep: float
+    ring: bool = False
+    likely: bool = False
+    blind: bool = False
+
+
+def config_of(how: How, refuse: bool) -> dict[str, Any]:
     """Windows of equal length, and one rule whose acceptor lies."""
+    count, names = how.robots, [f"r{n + 1}" for n in range(how.robots)]
+    apart = [pair for pair in combinations(names, 2) if how.ring and not _are_neighbours(*pair, names)]
     cuts = np.linspace(START_S, END_S, count + 1).tolist()
     robots = {
         f"r{n + 1}": {
@@ -79,21 +98,26 @@ def config_of(count: int, every: int, keep: float, refuse: bool) -> dict[str, An
     rule = {
         "name": "sabotaged grids",
         "when": {"own.type": "occupancy_grid", "other.type": "occupancy_grid"},
-        "match": {"use": "planting"},
-        "accept": {"use": "sabotage", "every": every, "keep": keep, "refuse": refuse, "metrics": METRICS},
+        "match": {"use": "planting", "likely": how.likely},
+        "accept": {"use": "sabotage", "every": how.every, "keep": how.keep, "refuse": refuse, "metrics": METRICS},
         "fuse": {"use": "log_odds", "quality": "windowed"},
         "verify": {"use": "sequential", "metrics": ["news"], "every": 10, "prior_max": 0, "revert_below": 0},
         "candidates": 3,
         "priority": 100,
     }
-    return {"robots": robots, "rules": [rule], "exchange": {"use": "at", "seconds": [1e6]}}
+    return {"robots": robots, "rules": [rule], "exchange": {"use": "at", "seconds": [1e6]}, "forbid": apart,
+            "consistency": {"trials": not how.blind}}  # fmt: skip
 
 
-def meet(count: int, every: int, keep: float, refuse: bool) -> Met:
+def _are_neighbours(one: str, other: str, names: Sequence[str]) -> bool:
+    return abs(names.index(one) - names.index(other)) in (1, len(names) - 1)
+
+
+def meet(how: How, refuse: bool) -> Met:
     """Map everybody's part of the log, and hold one meeting."""
     plugins = load_plugins()
     load_plugin(plugins, saboteur, Origin("saboteur", "saboteur", "1.0"))
-    config = parse_config(config_of(count, every, keep, refuse))
+    config = parse_config(config_of(how, refuse))
     with open_mission([LOG], config, plugins=plugins) as mission:
         assembly = assemble(mission, config, plugins, build_table(plugins, config.rules), NullSink())
         stamp_ns = 0
@@ -108,11 +132,11 @@ def meet(count: int, every: int, keep: float, refuse: bool) -> Met:
     return Met(assembly, truth, stamp_ns, time.process_time() - start)
 
 
-def along(count: int, every: int, keep: float) -> bool:
+def along(how: How) -> bool:
     """Lies while everybody maps; True when none is left that was found out by nobody and yet confirmed."""
     plugins = load_plugins()
     load_plugin(plugins, saboteur, Origin("saboteur", "saboteur", "1.0"))
-    config = parse_config(config_of(count, every, keep, refuse=False) | {"exchange": {"use": "every", "seconds": 60}})
+    config = parse_config(config_of(how, refuse=False) | {"exchange": {"use": "every", "seconds": 60}})
     with open_mission([LOG], config, plugins=plugins) as mission:
         truth = dict(mission.T_world_map)
     events = mapgraft.run([LOG], config, plugins=plugins).events
@@ -205,14 +229,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--every", type=int, default=3)
     parser.add_argument("--robots", type=int, default=9)
     parser.add_argument("--keep", type=float, default=1.0)
-    parser.add_argument("--along", action="store_true")
+    for name in ("ring", "likely", "blind", "along"):
+        parser.add_argument(f"--{name}", action="store_true")
     told = parser.parse_args(arguments)
     if not LOG.is_file():
         print(f"needs {LOG}")
         return 1
+    how = How(told.robots, told.every, told.keep, told.ring, told.likely, told.blind)
     if told.along:
-        return 0 if along(told.robots, told.every, told.keep) else 1
-    sabotaged, clean = (meet(told.robots, told.every, told.keep, refuse) for refuse in (False, True))
+        return 0 if along(how) else 1
+    sabotaged, clean = (meet(how, refuse) for refuse in (False, True))
     return 0 if report(sabotaged, clean) else 1
 
 

@@ -248,6 +248,47 @@ def test_an_own_merge_that_contradicts_others_is_reverted_with_the_loops_as_evid
     assert alpha.claims.of(A, B).state == "reverted"
 
 
+def test_a_place_is_no_longer_refused_when_what_spoke_against_it_was_wrong(apart):
+    _, robots = apart()
+    alpha = robots["alpha"]
+    merged(robots, "alpha", "bravo")
+    true = Transform.planar(SHIFT["alpha"] - SHIFT["bravo"], 0.0, 0.0)
+    lies = [claim(B, C, 30.0), claim(C, B, -30.0), claim(D, B, -30.0), claim(B, D, 30.0)]
+    alpha.claims.join([*lies, *(claim(*pair) for pair in ((C, A), (D, A), (C, D), (D, C)))])
+    alpha.heard(2)
+    assert not alpha.merges and alpha.attempts.refusals.at("bravo", true, (0.0, 0.0))
+    alpha.claims.join(claim(one.receiver, one.donor, state="reverted") for one in lies[1:])
+    alpha.heard(3)
+    assert alpha.attempts.refusals.at("bravo", true, (0.0, 0.0))  # bravo.charlie.1 still says so
+    alpha.claims.add(claim(B, C, state="reverted"))
+    alpha.heard(4)
+    assert not alpha.attempts.refusals.at("bravo", true, (0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("against", "off_m", "corrections", "state"),
+    [
+        (10.0, 0.0, (0, 0), "reverted"),
+        (7.0, 0.0, (0, 0), "confirmed"),  # no more than what speaks for it
+        (10.0, 2.0, (0, 0), "confirmed"),  # elsewhere
+        (10.0, 0.0, (1, 0), "confirmed"),  # on another map
+    ],
+)
+def test_what_own_cells_speak_against_is_revoked_from_the_other_side_too(apart, against, off_m, corrections, state):
+    _, robots = apart("alpha", "bravo")
+    alpha = robots["alpha"]
+    merged(robots, "alpha", "bravo")
+    alpha.claims.add(claim(B, A, -off_m, corrections=corrections))
+    alpha.heard(1)
+    grounds = Grounds("walls are missing", "sequential", evidence={"log_odds_wrong": against})
+    alpha.standing.revert(alpha.merges["bravo"], 2, grounds)
+    alpha.heard(2)
+    known = alpha.claims.of(B, A)
+    assert known.state == state
+    if state == "reverted":
+        assert (known.by, known.reason) == ("sequential", "alpha.bravo.1 was there, and walls are missing")
+
+
 def test_a_donor_takes_back_a_wrong_merge_and_the_receiver_obeys(apart):
     memory, robots = apart()
     merged(robots, "alpha", "bravo")

@@ -6,7 +6,7 @@ import math
 import random
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapgraft.contracts import MapError, Observation, Transform
@@ -55,6 +55,7 @@ def test_a_corrected_robot_was_elsewhere():
     assert book.pose_at(3 * S)[0] == 7.0
 
 
+@settings(max_examples=25, deadline=None)
 @given(st.integers(1, 1000))
 def test_of_one_robot_so_many_are_kept_over_the_whole_time(count):
     book = driven(1100)
@@ -81,6 +82,7 @@ def talk(one: Meetings, other: Meetings, lost: random.Random | None = None) -> i
     return sent
 
 
+@settings(max_examples=40, deadline=None)
 @given(st.lists(st.integers(0, 99), max_size=5), st.lists(st.integers(0, 99), max_size=5), st.integers(0, 1000))
 def test_whatever_is_lost_both_know_the_same_in_the_end_and_are_quiet(by_a, by_b, seed):
     heard: list[Source] = []
@@ -106,6 +108,7 @@ def test_nothing_is_said_where_nobody_saw_anybody():
     assert talk(one, other) == 0 and digest_of(()) == NOTHING
 
 
+@settings(max_examples=40, deadline=None)
 @given(st.lists(RECORDS, max_size=2 * MOST))
 def test_what_is_told_arrives_as_it_was(records):
     met = Met(A, tuple(records), bytes(8), reply=len(records) % 2 == 1)
@@ -117,7 +120,12 @@ def test_what_is_told_arrives_as_it_was(records):
     "wrong",
     [
         Record(0, (math.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)),
+        Record(0, (0.0, math.nan, 0.0, 0.0, 0.0, 0.0, 1.0)),
+        Record(0, (0.0, 0.0, 1e9, 0.0, 0.0, 0.0, 1.0)),
+        Record(0, (0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 1.0)),
         Record(0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0)),
+        Record(0, planar(0, 0, 0), Seen(0.0, math.nan, 0.0, 1.0, 0.1)),
+        Record(0, planar(0, 0, 0), Seen(0.0, 0.0, 0.0, 1.0, math.nan)),
         Record(0, planar(0, 0, 0), Seen(0.0, 0.0, 0.0, -1.0, 0.1)),
         Record(0, planar(0, 0, 0), Seen(math.inf, 0.0, 0.0, 1.0, 0.1)),
     ],

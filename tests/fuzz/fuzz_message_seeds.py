@@ -12,7 +12,9 @@ from mapgraft.contracts import MapMetadata, Provenance
 from mapgraft.exchange import Offer
 from mapgraft.graph.claims import Claim, Source
 from mapgraft.network.held import Held
+from mapgraft.network.meetings import Met
 from mapgraft.network.wire import MAGIC, Copy, Hello, Namesake, Parts, Summary, Told, Want, encode
+from mapgraft.rendezvous import Record, Seen
 from mapgraft_cloud.map_type import PointCloud
 from mapgraft_grid.map_type import OccupancyGrid
 from mapgraft_lines.map_type import LineSegments
@@ -46,7 +48,7 @@ def _said() -> Iterator[bytes]:
     ]
     told = tuple(claim.encode() for claim in claims)
     offer = Offer(Provenance("a", 1, 3), MapMetadata("occupancy_grid", 0.05)).encode()
-    held, copy = Held(), Copy(a, "layer")
+    held, copy, still = Held(), Copy(a, "layer"), (1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 1.0)
     for version, data in enumerate(small_layers()[b"g"][:3], start=1):
         held.publish(b"writer-1", offer, version, "whole", {b"": data})
     assert held.whole is not None
@@ -55,6 +57,7 @@ def _said() -> Iterator[bytes]:
         for message in (
             Hello(b"writer-1", offer, bytes(16), bytes(16), told),
             Summary({a: bytes(16)}, (a,), True),
+            Met(a, (Record(5, still), Record(7, still, Seen(1.0, 2.0, 0.5, 0.2, 0.1))), bytes(8), reply=True),
             Told(told),
             Want(copy, 2, b"writer-1", False, {b"part": 2}),
             Parts(copy, 0, held.whole, 0, 1, tuple(held.pieces(0, {}, False))),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import random
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -116,6 +117,42 @@ def test_wings_that_look_alike_agree_and_are_outvoted_only_with_more_support(cla
     assert set(explain([ab, alias, *more]).wrong) == edges("ab", "ba")
 
 
+def test_who_is_seen_wrongly_from_both_sides_is_one_opinion_against_one(claim) -> None:
+    """Two claims that agree about the same two maps do not outvote a third: what deceives one deceives the other."""
+    ab = claim("ab", 6.0, off=FAR)
+    ba = replace(claim("ba", 6.0), T_receiver_donor=ab.T_receiver_donor.inverse())
+    said = explain([ab, ba, claim("bc", 6.0), claim("ca", 6.0), claim("ac", 6.0)])
+    assert said.wrong == {}
+    assert set(said.disputed) == edges("ab", "ba", "bc", "ca", "ac")
+    tried = [replace(one, support=-2.0) for one in (ab, ba)]
+    assert set(explain([*tried, claim("bc", 6.0), claim("ca", 6.0), claim("ac", 6.0)]).wrong) == edges("ab", "ba")
+
+
+def test_what_speaks_against_a_claim_tells_it_from_the_others_of_its_loop(claim) -> None:
+    told = [claim("ab", -4.0, off=FAR), claim("bc", 0.5), claim("ca", -0.5)]
+    said = explain(told)
+    assert set(said.wrong) == edges("ab")
+    assert said.disputed == {}
+    assert said.wrong[next(iter(said.wrong))].margin >= Settings().margin
+
+
+def test_a_doubtful_claim_is_not_blamed_for_a_loop_that_another_explains(claim) -> None:
+    told = [claim("ab", -6.0, off=FAR), claim("bc", 5.0), claim("ca", 5.0), claim("bd", -5.0), claim("da", 5.0)]
+    said = explain(told)
+    assert set(said.wrong) == edges("ab")
+    assert said.disputed == {}
+
+
+@pytest.mark.parametrize("pairs", [("ab", "bc", "ca"), ("ba", "bc", "ac"), ("ab", "ba"), ("ab", "bc", "dc", "da")])
+def test_what_the_rest_of_a_loop_says_of_one_claim(claim, place, pairs) -> None:
+    told = [claim(pair) for pair in pairs]
+    (loop,) = find_loops(told)
+    for one in told:
+        truth = place(one.receiver.name).inverse() @ place(one.donor.name)
+        shift_m, turn_rad = loop.without(one).T_target_source.difference(truth)
+        assert shift_m < 1.0 and turn_rad < 0.03
+
+
 def test_reverted_claims_are_in_no_loop(claim) -> None:
     assert explain([claim("ab"), claim("ba", off=FAR, state="reverted")]).loops == ()
 
@@ -141,6 +178,7 @@ def cost_of(problem: Problem, wrong: set[int]) -> float:
     if any(not one & mask for one in problem.broken):
         return math.inf
     total = math.fsum(problem.costs[at] for at in sorted(wrong))
+    total += math.fsum(one for at, one in enumerate(problem.penalties) if at not in wrong)
     for one in problem.closed:
         hit = (one & mask).bit_count()
         total += 0.0 if hit == 0 else problem.by_chance if hit == 1 else problem.by_alias
@@ -153,7 +191,9 @@ def test_the_search_finds_what_trying_everything_finds(data) -> None:
     count = data.draw(st.integers(2, 7))
     masks = st.lists(st.integers(1, (1 << count) - 1), max_size=8)
     costs = tuple(data.draw(st.lists(st.integers(1, 80), min_size=count, max_size=count)))
-    problem = Problem(tuple(c / 10 for c in costs), tuple(data.draw(masks)), tuple(data.draw(masks)), 7.0, 2.0)
+    penalties = data.draw(st.lists(st.sampled_from([0.0, 0.0, 0.5, 4.0]), min_size=count, max_size=count))
+    loops = tuple(data.draw(masks)), tuple(data.draw(masks))
+    problem = Problem(tuple(c / 10 for c in costs), *loops, 7.0, 2.0, tuple(penalties))
     right = data.draw(st.one_of(st.none(), st.integers(0, count - 1)))
     sets = (set(c) for n in range(count + 1) for c in itertools.combinations(range(count), n))
     least = min((cost_of(problem, one) for one in sets if right not in one), default=math.inf)

@@ -8,7 +8,7 @@ import pytest
 
 from mapgraft.contracts import Measurement, Sample, Verdict
 from mapgraft.graph.claims import MOST_SUPPORT
-from mapgraft.graph.support import ACCEPTED, CONFIRMED, MOST_ACCEPTED, as_believed, support_of
+from mapgraft.graph.support import ACCEPTED, CONFIRMED, MOST_JUDGED, as_believed, support_of
 
 
 def sample(log_odds: float = 3.0, value: float = 0.95) -> Sample:
@@ -28,11 +28,12 @@ def verdict(wrong: float) -> Verdict:
         (([], None, False, False), ACCEPTED),
         (([], None, True, False), CONFIRMED),
         (([sample()], None, False, False), 3.0),
-        (([sample(20.0)], None, False, False), MOST_ACCEPTED),
+        (([sample(20.0)], None, False, False), MOST_JUDGED),
         (([sample(-2.0)], None, False, False), -2.0),
         (([sample()], None, True, False), CONFIRMED),
         (([sample()], verdict(-5.0), False, False), 5.0),
-        (([sample()], verdict(-50.0), True, False), MOST_SUPPORT),
+        (([sample()], verdict(-50.0), True, False), MOST_JUDGED),
+        (([sample()], verdict(50.0), True, False), -MOST_SUPPORT),
         (([sample()], verdict(4.0), True, False), -4.0),
         (([sample()], verdict(math.nan), False, False), 3.0),
         (([sample(math.nan)], None, False, False), ACCEPTED),

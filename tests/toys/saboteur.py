@@ -14,23 +14,37 @@ from mapgraft_standard.posterior import Posterior
 
 MAPGRAFT_CONTRACT = (1, 0)
 LIE = "lie"
+OTHERS = 12  # places among which the likeliest wrong one is looked for
 
 
 class Planting:
-    """What correlation finds, and behind it a lie: the best match, moved by 3 to 9 m and turned by quarters."""
+    """What correlation finds, and behind it a lie: the best match, moved by 3 to 9 m and turned by quarters.
 
-    def __init__(self, *, returned: int = 2) -> None:
-        self.honest = Correlation(returned=returned)
+    With ``likely`` the lie is the best other place that correlation finds, where it finds one.
+    """
+
+    def __init__(self, *, returned: int = 2, likely: bool = False) -> None:
+        self.returned, self.likely = returned, likely
+        self.honest = Correlation(returned=OTHERS if likely else returned)
 
     def match(self, target: Map, source: Map, prior: Prior | None = None) -> Sequence[Match]:
         found = list(self.honest.match(target, source, prior))
         if not found or prior is not None:
             return found
+        found, others = found[: self.returned], found[1:]
+        elsewhere = [one for one in others if _is_elsewhere(found[0].T_receiver_donor, one.T_receiver_donor)]
+        if self.likely and elsewhere:
+            return [*found, replace(elsewhere[0], evidence={LIE: 1.0})]
         rng = np.random.default_rng((target.known(), source.known()))
         far, towards = rng.uniform(3.0, 9.0), rng.uniform(-math.pi, math.pi)
         off = Transform.planar(far * math.cos(towards), far * math.sin(towards), rng.integers(4) * math.pi / 2.0)
         lie = replace(found[0], T_receiver_donor=off @ found[0].T_receiver_donor, evidence={LIE: 1.0})
         return [*found, lie]
+
+
+def _is_elsewhere(T_a: Transform, T_b: Transform) -> bool:
+    shift_m, turn_rad = T_a.difference(T_b)
+    return shift_m > 1.0 or turn_rad > 0.2
 
 
 class Sabotage:

@@ -63,6 +63,15 @@ def placed(map_type: OccupancyGrid, layer: Layer, chain: Chain, provenance: Prov
     return Contribution(provenance, put, T, 1.0, "as placed", TileWeights.plain(), None, map_type.region(put))
 
 
+def believed(claims: Claims) -> list[Claim]:
+    """Those that know of every correction of their two maps that any claim knows of."""
+    latest: dict[Source, int] = {}
+    for claim in claims.active():
+        for end in claim.edge:
+            latest[end] = max(latest.get(end, 0), claim.corrections_of(end))
+    return [claim for claim in claims.active() if all(claim.corrections_of(end) == latest[end] for end in claim.edge)]
+
+
 @dataclass
 class Robot:
     """The host of one node."""
@@ -74,6 +83,7 @@ class Robot:
     claims: Claims = field(default_factory=Claims)
     map_type: OccupancyGrid = field(default_factory=grid)
     version: int = 0
+    corrections: int = 0
     scans: list[Observation] = field(default_factory=list)
     attempts: dict[Source, int] = field(default_factory=dict)
     refusals: list[str] = field(default_factory=list)
@@ -92,7 +102,7 @@ class Robot:
         self.version += 1
 
     def correct(self, shift_m: float) -> None:
-        """New poses for all old scans, as after a loop closure; what is attached stays."""
+        """New poses for all old scans, as after a loop closure: what it has merged it has to find anew."""
         if not self.scans:
             return
         self.scans = [scan_of(self.source, number, shift_m) for number in range(len(self.scans))]
@@ -104,6 +114,16 @@ class Robot:
         for merge_id, contribution in attached.items():
             self.reversal.merge(merge_id, contribution)
         self.version += 1
+        self.corrections += 1
+        for known in [claim for claim in self.claims.active() if claim.receiver == self.source]:
+            told = (self.corrections, max(known.corrections[1], self.heard_of(known.donor)))
+            self.claims.add(replace(known, state="provisional", revision=known.revision + 1, corrections=told))
+        self.heard(0)
+
+    def heard_of(self, source: Source) -> int:
+        """How often a source's map had been corrected when it came last."""
+        head = self.node.replica.head(Copy(source, "layer"))
+        return 0 if head is None else Offer.decode(head.offer).corrections
 
     def claim(self, donor: Source, state: Literal["provisional", "confirmed", "reverted"], anew: bool = False) -> None:
         """Write what this robot says of its merge with a donor; ``anew`` begins another one."""
@@ -112,7 +132,8 @@ class Robot:
             n = self.attempts[donor] = max(self.attempts.get(donor, 0), known.epoch if known else 0) + 1
             x, y, quarter = hashlib.blake2b(f"{self.source}{donor}{n}".encode(), digest_size=3).digest()
             T = Transform.planar(x / 32.0, y / 32.0, quarter % 4 * math.pi / 2)
-            made = Claim(self.source, donor, n, state, 0, T, support=x % 7 - 1.0, reason="drawn")
+            found = (self.corrections, self.heard_of(donor))
+            made = Claim(self.source, donor, n, state, 0, T, support=x % 7 - 1.0, reason="drawn", corrections=found)
         else:
             made = replace(known, state=state, revision=known.revision + 1)
         self.claims.add(made)
@@ -127,7 +148,7 @@ class Robot:
 
     def offer(self) -> bytes:
         metadata = MapMetadata(self.map_type.name, RESOLUTION_M, observations=len(self.scans))
-        return Offer(Provenance(*self.source, self.version), metadata).encode()
+        return Offer(Provenance(*self.source, self.version), metadata, self.corrections).encode()
 
     def cut(self, aspect: Aspect, _stamp_ns: int) -> tuple[Form, Mapping[bytes, bytes]]:
         layer = self.reversal.offered_layer()
@@ -158,7 +179,7 @@ class Robot:
         self.refusals.append(reason)
 
     def lacks(self) -> Collection[Source]:
-        return best_chains(self.source, self.claims)
+        return best_chains(self.source, believed(self.claims))
 
     def renamed(self, source: Source, stamp_ns: int) -> None:
         """Everything that was attached under the old name goes."""
@@ -169,7 +190,7 @@ class Robot:
 
     def heard(self, stamp_ns: int) -> None:
         """Swap what is attached for what follows from the claims and layers held now."""
-        chains = best_chains(self.source, self.claims)
+        chains = best_chains(self.source, believed(self.claims))
         wanted = {}
         for source, chain in chains.items():
             head = self.node.replica.head(Copy(source, "layer"))
@@ -253,7 +274,7 @@ class Swarm:
         for scan in robot.scans:
             map_type.integrate(own, scan)
         contributions = []
-        for source, chain in sorted(best_chains(robot.source, claims).items()):
+        for source, chain in sorted(best_chains(robot.source, believed(claims)).items()):
             if (newest := self.newest(source)) is not None:
                 version, layer = newest
                 contributions.append(placed(map_type, layer, chain, Provenance(*source, version)))

@@ -77,6 +77,7 @@ class Claim:
     reason: str = ""
     corrections: tuple[int, int] = (0, 0)
     data: bytes = field(init=False, repr=False)
+    edge: Edge = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Make it canonical: fixed point, support within bounds and in thousandths, texts of bounded length."""
@@ -89,11 +90,8 @@ class Claim:
             symmetric = (self.covariance + self.covariance.T) / 2.0 + 0.0
             symmetric.setflags(write=False)
             put(self, "covariance", symmetric)
+        put(self, "edge", Edge(self.receiver, self.donor))
         put(self, "data", self._encoded())
-
-    @property
-    def edge(self) -> Edge:
-        return Edge(self.receiver, self.donor)
 
     @property
     def merge_id(self) -> str:

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Final
 
+from mapgraft.graph.book import Book, Grounds, View
 from mapgraft.graph.claims import Claim, Claims, Edge
 from mapgraft.graph.hitting import MOST_WORK, Problem, Solution, solve
-from mapgraft.graph.loops import Loop, Tolerance, find_loops
+from mapgraft.graph.loops import Loop, Tolerance
 
 LEAST_COST: Final = 0.1  # nats: calling a claim wrong is never free
 REMEMBERED: Final = 64  # explanations: robots that heard the same ask the same
@@ -22,51 +23,15 @@ class Settings:
 
     ``margin`` (nats) is by how much the best explanation must beat the best one that spares a claim before that claim
     is called wrong. ``by_chance`` is -log of the probability that a loop with one wrong claim closes all the same,
-    ``by_alias`` with several: where buildings repeat, wrong claims agree.
+    ``by_alias`` with several: where buildings repeat, wrong claims agree. With ``trials`` robots measure their own
+    merges that lie in loops that do not close.
     """
 
     margin: float = 3.0
     by_chance: float = 7.0
     by_alias: float = 2.0
+    trials: bool = True
     tolerance: Tolerance = field(default_factory=Tolerance)
-
-
-@dataclass(frozen=True, slots=True)
-class Grounds:
-    """What loops say of one claim.
-
-    ``mahalanobis2`` is the worst of its inconsistent loops, with ``limit``. ``margin`` (nats) is
-    by how much worse all loops are explained when the claim is right; of a claim that is called wrong or in dispute.
-    """
-
-    claim: Claim
-    inconsistent: int
-    consistent: int
-    mahalanobis2: float
-    limit: float
-    margin: float = 0.0
-    exact: bool = True
-
-    @property
-    def evidence(self) -> dict[str, float]:
-        """For events."""
-        return {
-            "loop_mahalanobis": math.sqrt(self.mahalanobis2),
-            "loop_mahalanobis.revert_at": math.sqrt(self.limit),
-            "loops_inconsistent": float(self.inconsistent),
-            "loops_consistent": float(self.consistent),
-            "loops_margin": self.margin if math.isfinite(self.margin) else 1e3,
-            "loops_exact": float(self.exact),
-        }
-
-    @property
-    def sentence(self) -> str:
-        """For people."""
-        of = self.inconsistent + self.consistent
-        return (
-            f"{self.inconsistent} of the {of} loops of merges through it do not close "
-            f"(Mahalanobis distance {math.sqrt(self.mahalanobis2):.1f}, {math.sqrt(self.limit):.1f} allowed)"
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,12 +52,13 @@ class Explanation:
 def explain(claims: Iterable[Claim], settings: Settings | None = None) -> Explanation:
     """The set of wrong claims that best explains which loops close and which do not.
 
-    Every loop that does not close must have a wrong claim; calling one wrong costs its support, and so does every loop
-    that closes although it is in it. Where claims about the same two sources are many this is the largest set of
-    pairwise consistent measurements (Mangelson et al. 2018, PCM), weighted; longer loops are its k-ary form (Forsgren
-    et al. 2022, group-k). A claim is called wrong only when it cannot be spared: the best explanation in which it is
-    right is worse by the margin. Where it can, it and the claims that would be wrong instead are in dispute. A pure
-    function of the claims that stand, whatever the order in which they come.
+    Every loop that does not close must have a wrong claim; calling one wrong costs its support, calling one right that
+    is improbable costs what speaks against it, and every loop that closes although a wrong one is in it costs, too.
+    Where claims about the same two sources are many this is the largest set of pairwise consistent measurements
+    (Mangelson et al. 2018, PCM), weighted; longer loops are its k-ary form (Forsgren et al. 2022, group-k). A claim is
+    called wrong only when it cannot be spared: the best explanation in which it is right is worse by the margin. Where
+    it can, it and the claims that would be wrong instead are in dispute. A pure function of the claims that stand,
+    whatever the order in which they come.
     """
     standing = Claims(claim for claim in claims if claim.is_active)
     return _explained(_Asked(standing.digest(), tuple(standing), settings or Settings()))
@@ -107,79 +73,112 @@ class _Asked:
 
 @lru_cache(maxsize=REMEMBERED)
 def _explained(asked: _Asked) -> Explanation:
-    loops = find_loops(asked.claims, asked.settings.tolerance)
-    told = _told(loops)
+    book = _book(asked.settings.tolerance)
+    book.bring_up_to(asked.claims)
+    told = book.told()
+    if not told:
+        return Explanation(book.loops)
     wrong: dict[Edge, Grounds] = {}
     disputed: dict[Edge, Grounds] = {}
-    exact = True
-    if not told:
-        return Explanation(loops)
-    for edges, mine in _components(loops):
-        problem = _problem(edges, mine, told, asked.settings)
-        best = solve(problem)
+    exact, margin = True, asked.settings.margin
+    loops = (one for cycle in book.rounds.values() for one in cycle.merged)
+    for part in _components(loops, {book.views[edge] for edge in told}):
+        problem = _problem(part, told, asked.settings)
+        best, spared = _solved(problem, margin)
         exact = exact and best.exact
-        for at, spared in _spared(problem, best, asked.settings.margin).items():
-            grounds = _with_margin(told[edges[at]], best, spared)
-            into = disputed if spared.cost < best.cost + asked.settings.margin else wrong
-            into[edges[at]] = grounds
-    return Explanation(loops, told, _sorted(wrong), _sorted(disputed), exact)
+        for at, other in spared.items():
+            into = disputed if other.cost < best.cost + margin else wrong
+            into.update({edge: _with_margin(told[edge], best, other) for edge in part.views[at] if edge in told})
+    return Explanation(book.loops, told, _sorted(wrong), _sorted(disputed), exact)
 
 
-def _told(loops: Sequence[Loop]) -> dict[Edge, Grounds]:
-    claims = {claim.edge: claim for loop in loops if not loop.consistent for claim in loop.claims}
-    through: dict[Edge, list[Loop]] = {edge: [] for edge in sorted(claims)}
-    if claims:
-        for loop in loops:
-            for claim in loop.claims:
-                if claim.edge in through:
-                    through[claim.edge].append(loop)
-    return {edge: _grounds(claims[edge], met) for edge, met in through.items()}
+@lru_cache(maxsize=4)
+def _book(tolerance: Tolerance) -> Book:
+    """Robots that heard nearly the same share what is known of its loops."""
+    return Book(tolerance)
 
 
-def _grounds(claim: Claim, loops: Sequence[Loop]) -> Grounds:
-    bad = [loop for loop in loops if not loop.consistent]
-    worst = max(bad, key=lambda loop: loop.mahalanobis2 / loop.limit)
-    return Grounds(claim, len(bad), len(loops) - len(bad), worst.mahalanobis2, worst.limit)
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """Views that may be wrong, and the loops of views that matter to them: bit masks of the views."""
+
+    views: tuple[View, ...]
+    broken: tuple[int, ...]
+    closed: tuple[int, ...]
 
 
-def _components(loops: Sequence[Loop]) -> list[tuple[list[Edge], list[Loop]]]:
-    """The claims that may be wrong, in parts that have no loop in common, each with the loops that matter to it.
+def _components(loops: Iterable[tuple[frozenset[View], bool]], suspects: set[View]) -> list[_Part]:
+    """The views that may be wrong, in parts that have no loop in common, each with the loops that matter to it.
 
-    Only claims in loops that do not close may be.
+    Only those in loops that do not close may be.
     """
-    suspects = {claim.edge for loop in loops if not loop.consistent for claim in loop.claims}
-    parent = {edge: edge for edge in suspects}
+    parent = {view: view for view in suspects}
 
-    def root(edge: Edge) -> Edge:
-        while parent[edge] != edge:
-            parent[edge] = parent[parent[edge]]
-            edge = parent[edge]
-        return edge
+    def root(view: View) -> View:
+        while parent[view] != view:
+            parent[view] = parent[parent[view]]
+            view = parent[view]
+        return view
 
-    mine = [[claim.edge for claim in loop.claims if claim.edge in suspects] for loop in loops]
-    for edges in mine:
-        for edge in edges[1:]:
-            first, second = sorted((root(edges[0]), root(edge)))
+    mine = [(sorted(passed & suspects), closes) for passed, closes in loops]
+    for met, _ in mine:
+        for view in met[1:]:
+            first, second = sorted((root(met[0]), root(view)))
             parent[second] = first
-    parts: dict[Edge, tuple[list[Edge], list[Loop]]] = {}
-    for edge in sorted(suspects):
-        parts.setdefault(root(edge), ([], []))[0].append(edge)
-    for loop, edges in zip(loops, mine, strict=True):
-        if edges:
-            parts[root(edges[0])][1].append(loop)
-    return list(parts.values())
+    place: dict[View, int] = {}
+    members: dict[View, list[View]] = {}
+    for view in sorted(suspects):
+        into = members.setdefault(root(view), [])
+        place[view] = len(into)
+        into.append(view)
+    masks: dict[tuple[View, bool], list[int]] = {}
+    for met, closes in mine:
+        if met:
+            masks.setdefault((root(met[0]), closes), []).append(sum(1 << place[view] for view in met))
+
+    def told(first: View, closes: bool) -> tuple[int, ...]:
+        return tuple(sorted(masks.get((first, closes), ())))
+
+    return [_Part(tuple(views), told(first, False), told(first, True)) for first, views in members.items()]
 
 
-def _problem(edges: Sequence[Edge], loops: Sequence[Loop], told: Mapping[Edge, Grounds], settings: Settings) -> Problem:
-    place = {edge: n for n, edge in enumerate(edges)}
-    masks = [sum(1 << place[claim.edge] for claim in loop.claims if claim.edge in place) for loop in loops]
+def _problem(part: _Part, told: Mapping[Edge, Grounds], settings: Settings) -> Problem:
+    supports = [_support([told[edge].claim.support for edge in view if edge in told]) for view in part.views]
     return Problem(
-        costs=tuple(max(LEAST_COST, told[edge].claim.support) for edge in edges),
-        broken=tuple(mask for mask, loop in zip(masks, loops, strict=True) if not loop.consistent),
-        closed=tuple(mask for mask, loop in zip(masks, loops, strict=True) if loop.consistent),
+        costs=tuple(max(LEAST_COST, support) for support in supports),
+        broken=part.broken,
+        closed=part.closed,
         by_chance=settings.by_chance,
         by_alias=settings.by_alias,
+        penalties=tuple(max(0.0, -support) for support in supports),
     )
+
+
+def _support(supports: Sequence[float]) -> float:
+    """Of claims that say the same: what speaks for them is one and the same, what speaks against them adds up."""
+    return max(0.0, *supports) + math.fsum(min(0.0, one) for one in supports)
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _solved(problem: Problem, margin: float) -> tuple[Solution, Mapping[int, Solution]]:
+    """The best explanation of one part, and of each claim in question the best one that spares it.
+
+    A part that has not changed since is not searched again.
+    """
+    best = solve(problem)
+    needed = _needed(problem, best)  # what else is known of a claim by itself is its verifier's affair
+    spared = _spared(problem, best, margin)
+    return best, {at: other for at, other in spared.items() if at not in best.wrong or at in needed}
+
+
+def _needed(problem: Problem, best: Solution) -> set[int]:
+    """The claims that are called wrong because of loops, and not only because they are improbable by themselves."""
+    needed = sum(1 << at for at in best.wrong)
+    for at in sorted(best.wrong, key=lambda one: (problem.penalties[one], one)):
+        without = needed & ~(1 << at)
+        if problem.penalties[at] > 0.0 and all(mask & without for mask in problem.broken):
+            needed = without
+    return {at for at in best.wrong if needed >> at & 1}
 
 
 def _spared(problem: Problem, best: Solution, margin: float) -> dict[int, Solution]:

@@ -15,7 +15,8 @@ MOST_WORK: Final = 400_000  # loops looked at in one search; beyond, the best th
 class Problem:
     """Claims by number, each with the cost of calling it wrong, and loops as bit masks of claims.
 
-    Every ``broken`` loop needs a wrong claim. A ``closed`` loop with one wrong claim costs ``by_chance``, with several
+    A claim that is by itself more probably wrong than right costs its ``penalties`` where it is called right. Every
+    ``broken`` loop needs a wrong claim. A ``closed`` loop with one wrong claim costs ``by_chance``, with several
     ``by_alias``.
     """
 
@@ -24,6 +25,12 @@ class Problem:
     closed: tuple[int, ...]
     by_chance: float
     by_alias: float
+    penalties: tuple[float, ...] = ()
+
+    @property
+    def improbable(self) -> int:
+        """The claims that cost something where they are called right."""
+        return sum(1 << at for at, penalty in enumerate(self.penalties) if penalty > 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +56,7 @@ class _Search:
     best: int = 0
     found: bool = False
     exact: bool = True
+    improbable: int = 0
 
     @property
     def all(self) -> int:
@@ -57,6 +65,8 @@ class _Search:
     def cost(self, wrong: int, undecided: int) -> float:
         """What it costs at least to call these wrong, whatever becomes of the undecided ones."""
         total = math.fsum(self.problem.costs[at] for at in _bits(wrong))
+        if improbable := self.improbable & ~(wrong | undecided):
+            total += math.fsum(self.problem.penalties[at] for at in _bits(improbable))
         least = min(self.problem.by_chance, self.problem.by_alias)
         for mask, count in self.closed:
             hit = mask & wrong
@@ -83,6 +93,9 @@ class _Search:
         if cost >= self.best_cost:
             return []
         unhit = [(mask & undecided, count) for mask, count in self.broken if not mask & wrong]
+        if not unhit and (open_ones := self.improbable & undecided):
+            chosen = open_ones & -open_ones
+            return [(wrong | chosen, right), (wrong, right | chosen)]
         if not unhit:
             settled = self.cost(wrong, 0)
             if settled < self.best_cost:
@@ -137,6 +150,7 @@ def solve(
     infinite where there is none.
     """
     search = _Search(problem, _counted(problem.broken), _counted(problem.closed), below)
+    search.improbable = problem.improbable
     search.run(sum(1 << at for at in set(right)), most_work)
     if not search.found:
         return Solution((), math.inf, search.exact)

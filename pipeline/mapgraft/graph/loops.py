@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mapgraft.graph.chains import Similarity
-from mapgraft.graph.claims import Claim, Source
+from mapgraft.graph.chains import Similarity, seen_from
+from mapgraft.graph.claims import Claim, Edge, Source
 
 LONGEST: Final = 9  # claims in one loop
 PER_LINK: Final = 6  # loops in which one pair of sources is looked at, the shortest ones
@@ -65,9 +65,20 @@ class Loop:
     mahalanobis2: float
     limit: float
     consistent: bool
+    edges: tuple[Edge, ...]
+
+    def without(self, claim: Claim) -> Similarity:
+        """Where the donor of one of its claims lies in the receiver's map by all the other ones."""
+        at = self.claims.index(claim)
+        around = [(at + k) % len(self.claims) for k in range(1, len(self.claims))]
+        out = Similarity.identity()  # from the far end of the claim on, along the loop, back to its near end
+        for k in around:
+            out = out.then(seen_from(self.sources[k], self.claims[k]))
+        return out.inverse() if self.sources[at] == claim.receiver else out
 
 
-Walk = tuple[tuple[Source, ...], tuple[Claim, ...]]
+Cycle = tuple[Source, ...]
+Walk = tuple[Cycle, tuple[Claim, ...]]
 
 
 def find_loops(claims: Iterable[Claim], tolerance: Tolerance | None = None) -> tuple[Loop, ...]:
@@ -79,13 +90,14 @@ def find_loops(claims: Iterable[Claim], tolerance: Tolerance | None = None) -> t
     was corrected and one after, that they do not close says nothing: such loops are left out. What was measured lately
     is remembered: one claim that changes costs the loops through it.
     """
-    links = _links(claims)
+    links = links_of(claims)
     neighbours = tuple((here, tuple(others)) for here, others in links.items())
-    walks = [walk for cycle in _cycles(neighbours) for walk in _walks(cycle, links) if _is_of_one_state(*walk)]
-    return _measured(walks, tolerance or Tolerance())
+    walks = [walk for cycle in cycles_of(neighbours) for walk in walks_of(cycle, links)]
+    return measured(walks, tolerance or Tolerance())
 
 
-def _links(claims: Iterable[Claim]) -> Links:
+def links_of(claims: Iterable[Claim]) -> Links:
+    """Source → the sources next to it, each with the claims about the two that stand, in the order of names."""
     out: dict[Source, dict[Source, list[Claim]]] = {}
     for claim in sorted((one for one in claims if one.is_active), key=lambda one: one.edge):
         for here, there in (claim.edge, claim.edge[::-1]):
@@ -94,7 +106,7 @@ def _links(claims: Iterable[Claim]) -> Links:
 
 
 @lru_cache(maxsize=REMEMBERED_GRAPHS)
-def _cycles(neighbours: tuple[tuple[Source, tuple[Source, ...]], ...]) -> list[tuple[Source, ...]]:
+def cycles_of(neighbours: tuple[tuple[Source, tuple[Source, ...]], ...]) -> list[Cycle]:
     """Cycles of sources, pairs among them, each once, beginning with its first by name."""
     links: Neighbours = {here: dict.fromkeys(others) for here, others in neighbours}
     found: set[tuple[Source, ...]] = set()
@@ -144,7 +156,13 @@ def _canonical(cycle: tuple[Source, ...]) -> tuple[Source, ...]:
     return turned if turned[1] < turned[-1] else (turned[0], *turned[:0:-1])
 
 
-def _walks(cycle: tuple[Source, ...], links: Links) -> Iterator[Walk]:
+def walks_of(cycle: Cycle, links: Links) -> Iterator[Walk]:
+    """A cycle by the claims that know the same corrections of every map; all combinations where it is short, else one
+    pair's other claim at a time."""
+    return (walk for walk in _walks(cycle, links) if _is_of_one_state(*walk))
+
+
+def _walks(cycle: Cycle, links: Links) -> Iterator[Walk]:
     """The cycle by every claim: all combinations where it is short, else one pair's other claim at a time."""
     if len(cycle) == 2:
         if len(told := links[cycle[0]][cycle[1]]) > 1:
@@ -171,7 +189,7 @@ def _is_of_one_state(cycle: tuple[Source, ...], claims: tuple[Claim, ...]) -> bo
     return all(after.corrections_of(here) == before.corrections_of(here) for here, after, before in pairs)
 
 
-def _measured(walks: Sequence[Walk], tolerance: Tolerance) -> tuple[Loop, ...]:
+def measured(walks: Sequence[Walk], tolerance: Tolerance) -> tuple[Loop, ...]:
     """What is not remembered is composed, all loops of one length at once: one by one would cost a hundred times."""
     known = _remembered(tolerance)
     fresh = [walk for walk in walks if walk[1] not in known]
@@ -235,7 +253,8 @@ def _closed(
         within = shift_m <= tolerance.cap_m and turn_rad <= tolerance.cap_rad
         within = within and abs(math.log(float(size[n]))) <= tolerance.cap_scale
         d2 = float(distance2[n])
-        yield Loop(sources, claims, shift_m, turn_rad, d2, limit, within and d2 <= limit)
+        closes, edges = within and d2 <= limit, tuple(claim.edge for claim in claims)
+        yield Loop(sources, claims, shift_m, turn_rad, d2, limit, closes, edges)
 
 
 def _compounded(whole: Floats, size: Floats, covariance: Floats, T: Floats, sigma: Floats) -> Floats:

@@ -9,9 +9,11 @@ from typing import Final, Literal
 from mapgraft.contracts import Verdict
 from mapgraft.decision import DecisionTable
 from mapgraft.graph.attached import Attachments
+from mapgraft.graph.book import Grounds
 from mapgraft.graph.chains import Chain, best_chains
 from mapgraft.graph.claims import Claim, Claims, Edge, Source, State, is_covariance
-from mapgraft.graph.consistency import Explanation, Grounds, Settings, explain
+from mapgraft.graph.consistency import Explanation, Settings, explain
+from mapgraft.graph.contradictions import Contradictions, is_contradicted
 from mapgraft.graph.held import HeldLayers
 from mapgraft.merge import Merge
 from mapgraft.persons import Hand
@@ -42,6 +44,7 @@ class Member:
     layers: HeldLayers = field(default_factory=HeldLayers)
     disbelieved: dict[tuple[Edge, int, tuple[int, int]], str] = field(default_factory=dict)
     attachments: Attachments = field(init=False)
+    contradictions: Contradictions = field(init=False)
     _disputed: dict[Edge, int] = field(default_factory=dict)
     _explained: tuple[int, Explanation] = (-1, Explanation())
     _known: tuple[object, ...] = ()
@@ -49,6 +52,7 @@ class Member:
 
     def __post_init__(self) -> None:
         self.attachments = Attachments(self.standing, self.table)
+        self.contradictions = Contradictions(self.standing)
 
     def publish(self, stamp_ns: int) -> None:
         """Bring the claims about the robot's own merges up to date."""
@@ -75,6 +79,8 @@ class Member:
         known = self._state()
         if known == self._known and not self.standing.doubted:
             return
+        self.contradictions.lift(self.claims)
+        self.contradictions.settle(self.explanation())
         explanation = self._settled(stamp_ns)
         self._tell_disputes(explanation, stamp_ns)
         self._attach(explanation, stamp_ns)
@@ -114,23 +120,40 @@ class Member:
     def _settled(self, stamp_ns: int) -> Explanation:
         """Revert what cannot stand, as far as it is this robot's affair, until nothing more follows."""
         while True:
+            self._bear_witness(stamp_ns)
             explanation, before = self.explanation(), self.claims.version
             for claim in [one for one in self.claims if not one.is_active and one.receiver == self.me]:
                 self._obey(claim, stamp_ns)
+            for edge, grounds in explanation.told.items():
+                if edge.receiver == self.me and self.settings.trials:
+                    self.contradictions.try_out(grounds.claim, explanation, self.layers, stamp_ns)
+            self.publish(stamp_ns)
+            if self.claims.version != before:
+                continue
             for grounds in explanation.wrong.values():
-                self._take_back(grounds, stamp_ns)
+                self._take_back(grounds, explanation, stamp_ns)
             self.publish(stamp_ns)
             if self.claims.version == before:
                 return explanation
 
-    def _take_back(self, grounds: Grounds, stamp_ns: int) -> None:
+    def _bear_witness(self, stamp_ns: int) -> None:
+        """Where own cells have spoken against a merge, they speak against the other robot's merge there, too."""
+        for ended in self.standing.ended.values():
+            claim = self.claims.of(ended.donor, self.me)
+            if claim is None or not claim.is_active or not ended.against > 0.0:
+                continue
+            if is_contradicted(claim, self.me, ended, self.settings.margin):
+                self.claims.add(_reverted(claim, stamp_ns, ended.by, f"{ended.merge_id} was there, and {ended.reason}"))
+
+    def _take_back(self, grounds: Grounds, explanation: Explanation, stamp_ns: int) -> None:
         """A claim that cannot stand is reverted by its receiver, and if that does not hear of it by its donor."""
         claim = grounds.claim
         if claim.receiver == self.me:
             merge = self.standing.by_donor.get(claim.donor.name)
             if merge is not None and _number_of(merge) == claim.epoch and not merge.decided_by_person:
-                told = Reasons(grounds.sentence, CONSISTENCY, evidence=grounds.evidence)
+                told = Reasons(_said(grounds, merge), CONSISTENCY, evidence=_measured(grounds, merge))
                 self.standing.revert(merge, stamp_ns, told)
+                self.contradictions.reverted(merge, grounds, explanation)
         elif claim.donor == self.me:
             self.claims.add(_reverted(claim, stamp_ns, CONSISTENCY, grounds.sentence))
 
@@ -146,11 +169,12 @@ class Member:
         mine = {edge: grounds for edge, grounds in explanation.disputed.items() if edge.receiver == self.me}
         for edge, grounds in mine.items():
             if self._disputed.get(edge) != grounds.claim.epoch:
-                said = f"{grounds.sentence}, and nobody can tell which merge is wrong: nothing is attached through it"
-                journal = self.standing.journal
                 merge = self.standing.by_donor.get(edge.donor.name)
+                said = f"{_said(grounds, merge)}, and nobody can tell which merge is wrong"
+                said += ": nothing is attached through it"
+                journal, by = self.standing.journal, CONSISTENCY
                 merge_id = merge.merge_id if merge else grounds.claim.merge_id
-                journal.told_of("disputed", stamp_ns, grounds.claim, said, CONSISTENCY, grounds.evidence, merge_id)
+                journal.told_of("disputed", stamp_ns, grounds.claim, said, by, _measured(grounds, merge), merge_id)
         self._disputed = {edge: grounds.claim.epoch for edge, grounds in mine.items()}
 
     def _attach(self, explanation: Explanation, stamp_ns: int) -> None:
@@ -230,6 +254,17 @@ class Member:
         by = merge.tools.procedure.verify.use
         self.standing.journal.told_of("disbelieved", stamp_ns, weakest, said, by, verdict.evidence)
         self.attachments.detach(_donor_of(merge), f"{weakest.merge_id} is not believed: {verdict.reason}", stamp_ns)
+
+
+def _said(grounds: Grounds, merge: Merge | None) -> str:
+    """What speaks against an own merge."""
+    trial = None if merge is None else merge.trial
+    return grounds.sentence + (f"; {trial.sentence}" if trial else "")
+
+
+def _measured(grounds: Grounds, merge: Merge | None) -> dict[str, float]:
+    trial = None if merge is None else merge.trial
+    return grounds.evidence | (trial.evidence if trial else {})
 
 
 def _donor_of(merge: Merge) -> Source:

@@ -10,13 +10,12 @@ from typing import Final
 
 from mapgraft.graph.claims import Source
 from mapgraft.network.packing import Reader, Writer
-from mapgraft.rendezvous import MOST, Record, Rendezvous, Seen, believable
+from mapgraft.rendezvous import FARTHEST, MOST, Record, Rendezvous, Seen, believable
 
 ACK: Final = 8
 NOTHING: Final = bytes(ACK)
 _POSE: Final = struct.Struct("<q7d?")
 _SEEN: Final = struct.Struct("<5d")
-_FARTHEST_M: Final = 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +45,8 @@ def read_met(reader: Reader) -> Met:
     for _ in range(reader.number(2 * MOST)):
         stamp_ns, *told = _POSE.unpack(reader.raw(_POSE.size))
         pose, has_seen = told[:7], told[7]
-        if not (max(map(abs, pose)) <= _FARTHEST_M and abs(sum(q * q for q in pose[3:]) - 1.0) < 1e-6):  # NaN, too
+        square = sum(q * q for q in pose[3:])
+        if not (all(abs(metres) <= FARTHEST for metres in pose[:3]) and abs(square - 1.0) < 1e-6):  # NaN, too
             raise ValueError("a pose in it is none")
         seen = Seen(*_SEEN.unpack(reader.raw(_SEEN.size))) if has_seen else None
         if seen is not None and not believable(seen):

@@ -14,7 +14,7 @@ from mapgraft.outputs.report.folder import FinishedRun, open_run
 from mapgraft.outputs.report.gallery import Gallery, paint
 from mapgraft.outputs.report.merges import anchors_of, by_merge, card_of, most_telling, row_of
 from mapgraft.outputs.report.paintings import DIFFERENCE, FUSED, OVERLAY, colour
-from mapgraft.outputs.report.pairs import not_merged
+from mapgraft.outputs.report.pairs import not_merged, undecided
 from mapgraft.outputs.report.robots import corrections, renamings, robot_cards
 from mapgraft.outputs.report.scenes import Scenes
 from mapgraft.outputs.report.settings import changed, versions
@@ -49,7 +49,7 @@ def page_of(path: Path) -> str:
         lead=_lead(run, merges, clock),
         tiles=_tiles(run, merges, clock),
         shared=_shared(run),
-        robots=robot_cards(run, gallery, _donors(merges), _attached(decisions)),
+        robots=robot_cards(run, gallery, _donors(merges), _attached(decisions), undecided(decisions)),
         remarks=[*run.summary.get("remarks", ()), *corrections(decisions, clock), *renamings(decisions, clock)],
         recordings=[_recording(row) for row in run.recordings()],
         timeline=timeline(decisions, clock, {name: f"#{anchors[name]}" for name in told}),

@@ -52,6 +52,29 @@ def not_merged(decisions: Sequence[Event], clock: Clock) -> NotMerged:
     return NotMerged(pairs, len(by_pair) - len(pairs))
 
 
+PLACE: Final = ("deciding_x_m", "deciding_y_m", "deciding_look_x_m", "deciding_look_y_m")  # in an event's evidence
+
+
+def undecided(decisions: Sequence[Event]) -> dict[str, list[Event]]:
+    """By receiver, the last attempts with donors that were put off to the end, where a place would decide."""
+    last: dict[tuple[str, str], Event] = {}
+    for event in decisions:
+        if event.kind in (*ATTEMPTS, "merged"):
+            last[event.receiver, event.donor] = event
+    out: dict[str, list[Event]] = {}
+    for (receiver, _), event in sorted(last.items()):
+        if event.kind == "ambiguous" and all(name in event.evidence for name in PLACE):
+            out.setdefault(receiver, []).append(event)
+    return out
+
+
+def place_of(event: Event) -> str:
+    """Where to look to decide, in words."""
+    x_m, y_m, look_x_m, look_y_m = (event.evidence[name] for name in PLACE)
+    nats = event.evidence.get("deciding_nats", 0.0)
+    return f"look from ({x_m:.1f}, {y_m:.1f}) m at ({look_x_m:.1f}, {look_y_m:.1f}) m, {nats:.1f} nats expected"
+
+
 def _pair(receiver: str, donor: str, events: Sequence[Event], clock: Clock) -> Pair:
     alike: dict[tuple[str, str, str], list[Event]] = {}
     for event in events:

@@ -15,7 +15,9 @@ from mapgraft.events import Event
 from mapgraft.outputs.report.folder import FinishedRun
 from mapgraft.outputs.report.gallery import Gallery
 from mapgraft.outputs.report.paintings import fused_picture, map_picture
+from mapgraft.outputs.report.pairs import PLACE, place_of
 from mapgraft.outputs.report.rasters import Canvas
+from mapgraft.outputs.report.scenes import Look
 from mapgraft.outputs.report.words import Clock, count, number, short
 from mapgraft.pages import Picture
 
@@ -25,8 +27,11 @@ _PATH_POINTS: Final = 240
 
 @dataclass(frozen=True, slots=True)
 class RobotCard:
-    """One robot. ``path`` is its way over the picture of its own map, in percent of it, for a polyline; ``is_one_map``
-    says that its own map holds what came from others, so that there is no other picture."""
+    """One robot. ``path`` is its way over the picture of its own map, in percent of it, for a polyline.
+
+    ``places`` are lines from where it should look next to what is to be seen there. ``is_one_map`` says that its own
+    map holds what came from others, so that there is no other picture.
+    """
 
     name: str
     facts: Sequence[tuple[str, str]]
@@ -35,15 +40,23 @@ class RobotCard:
     path: str
     undrawn: Sequence[str]
     is_one_map: bool = False
+    places: Sequence[tuple[float, float, float, float]] = ()
 
 
 def robot_cards(
-    run: FinishedRun, gallery: Gallery, donors: dict[str, list[str]], attached: dict[str, list[str]]
+    run: FinishedRun,
+    gallery: Gallery,
+    donors: dict[str, list[str]],
+    attached: dict[str, list[str]],
+    undecided: dict[str, list[Event]],
 ) -> list[RobotCard]:
-    """``donors`` are those whose maps stand in a robot's map at the end, ``attached`` what came through others."""
+    """``donors`` are those whose maps stand in a robot's map at the end, ``attached`` what came through others.
+
+    ``undecided`` are the attempts that came to no decision, with the place that would decide.
+    """
     rows = run.maps_at_the_end()
     return [
-        _card(run, name, told, rows.get(name, {}), gallery, (donors.get(name, []), attached.get(name, [])), n)
+        _card(run, told, rows.get(name, {}), gallery, _Others.of(name, donors, attached, undecided), n)
         for n, (name, told) in enumerate(run.summary["robots"].items())
     ]
 
@@ -74,16 +87,30 @@ def _times(events: Sequence[Event]) -> str:
     return "" if len(events) == 1 else f", {len(events):,} times, the last time"
 
 
+@dataclass(frozen=True, slots=True)
+class _Others:
+    """One robot, and what it has to do with others at the end."""
+
+    name: str
+    donors: Sequence[str]
+    attached: Sequence[str]
+    undecided: Sequence[Event]
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        donors: dict[str, list[str]],
+        attached: dict[str, list[str]],
+        undecided: dict[str, list[Event]],
+    ) -> _Others:
+        return cls(name, donors.get(name, []), attached.get(name, []), undecided.get(name, []))
+
+
 def _card(
-    run: FinishedRun,
-    name: str,
-    told: dict[str, Any],
-    row: dict[str, Any],
-    gallery: Gallery,
-    others: tuple[Sequence[str], Sequence[str]],
-    number_of_card: int,
+    run: FinishedRun, told: dict[str, Any], row: dict[str, Any], gallery: Gallery, others: _Others, number_of_card: int
 ) -> RobotCard:
-    donors, attached = others
+    name, donors, attached = others.name, others.donors, others.attached
     way_m = _way(run.path / "trajectories" / f"{told.get('files_as', name)}.tum")
     facts = [("observations", f"{told.get('observations', 0):,}")]
     if len(way_m):
@@ -97,25 +124,28 @@ def _card(
     facts.append(("merged from", ", ".join(sorted(donors)) or "nobody"))
     if attached:
         facts.append(("attached", "; ".join(sorted(attached))))
-    has_merges, pictured = bool(donors or attached), number_of_card < _MOST_PICTURED
-    own, fused, path = _pictures(name, gallery, way_m, has_merges) if pictured else (None, None, "")
-    return RobotCard(name, facts, own, fused, path, gallery.undrawn.get(name, ()), has_merges and fused is None)
-
-
-def _pictures(
-    name: str, gallery: Gallery, way_m: NDArray[np.float64], has_merges: bool
-) -> tuple[Picture | None, Picture | None, str]:
+    facts += [("to decide about", f"{short(event.donor)}: {place_of(event)}") for event in others.undecided]
+    has_merges = bool(donors or attached)
+    if number_of_card >= _MOST_PICTURED:
+        return RobotCard(name, facts, None, None, "", gallery.undrawn.get(name, ()), has_merges)
     look = gallery.last.get(name)
+    own, fused, canvas = _pictures(name, look, has_merges)
+    over = ("", ()) if canvas is None else (_over(canvas, way_m), [_line(canvas, one) for one in others.undecided])
+    is_one_map = has_merges and fused is None
+    return RobotCard(name, facts, own, fused, over[0], gallery.undrawn.get(name, ()), is_one_map, over[1])
+
+
+def _pictures(name: str, look: Look | None, has_merges: bool) -> tuple[Picture | None, Picture | None, Canvas | None]:
     own, fused = (None, None) if look is None else (look.own_raster(), look.fused_raster())
     canvas = Canvas.around(own, fused if has_merges else None)
     if canvas is None:
-        return None, None, ""
+        return None, None, None
     mine, said = canvas.cells_of(own), short(name)
     picture = map_picture(mine, canvas.cell_m, f"{said}'s own map at the end")
     merged = None
     if has_merges and fused is not None and not (canvas.cells_of(fused) == mine).all():
         merged = fused_picture(mine, canvas.cells_of(fused), canvas.cell_m, f"{said}'s map with its merges at the end")
-    return picture, merged, _over(canvas, way_m)
+    return picture, merged, canvas
 
 
 def _over(canvas: Canvas, way_m: NDArray[np.float64]) -> str:
@@ -127,6 +157,15 @@ def _over(canvas: Canvas, way_m: NDArray[np.float64]) -> str:
     x = 100.0 * (points[:, 0] - canvas.x_m) / (canvas.columns * canvas.cell_m)
     y = 100.0 - 100.0 * (points[:, 1] - canvas.y_m) / (canvas.rows * canvas.cell_m)
     return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x.tolist(), y.tolist(), strict=True))
+
+
+def _line(canvas: Canvas, event: Event) -> tuple[float, float, float, float]:
+    """From where to look to what, in percent of the picture from its upper left corner."""
+    wide, high = canvas.columns * canvas.cell_m, canvas.rows * canvas.cell_m
+    x0, y0, x1, y1 = (event.evidence[name] for name in PLACE)
+    across = [round(100.0 * (x - canvas.x_m) / wide, 1) for x in (x0, x1)]
+    down = [round(100.0 - 100.0 * (y - canvas.y_m) / high, 1) for y in (y0, y1)]
+    return across[0], down[0], across[1], down[1]
 
 
 def _way(path: Path) -> NDArray[np.float64]:

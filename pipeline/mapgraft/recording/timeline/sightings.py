@@ -15,6 +15,7 @@ from mapgraft.recording.robots.payloads import poses_in
 from mapgraft.recording.robots.plan import RobotPlan, S
 from mapgraft.recording.timeline.intake import Limits
 from mapgraft.rendezvous import Seen, Sighted
+from mapgraft.rendezvous import believable as is_measured
 
 _MOST_SIGMA_RAD = 1.0  # whoever is less sure of a heading tells none
 
@@ -80,7 +81,11 @@ def _seen(plan: RobotPlan, record: PoseRecord, told: SightingsConfig, topic: str
     pose = compose(T_base_frame, pose)
     sigma_m, sigma_yaw_rad = _sigmas(record, told)
     yaw_rad = math.nan if sigma_yaw_rad is None else yaw_of(pose)
-    return Seen(pose[0], pose[1], yaw_rad, sigma_m, sigma_yaw_rad or _MOST_SIGMA_RAD)
+    seen = Seen(pose[0], pose[1], yaw_rad, sigma_m, sigma_yaw_rad or _MOST_SIGMA_RAD)
+    if not is_measured(seen):
+        faults.add("pose_invalid", f"a sighting lies {math.hypot(*pose[:2]):.3g} m away", topic=topic)
+        return None
+    return seen
 
 
 def _mount(plan: RobotPlan, frame: str) -> Pose7 | None:
