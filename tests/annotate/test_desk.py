@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from toy_examples import ENVIRONMENTS, write_toys
+from toy_examples import ENVIRONMENTS, RUN, write_toys
 
 from mapgraft.annotate.desk import Answer, Desk
 from mapgraft.annotate.opened import open_folders
@@ -20,6 +21,7 @@ from mapgraft.annotate.shown import Place
 from mapgraft.annotate.words import Words
 from mapgraft.errors import UsageError
 from mapgraft.examples import ExampleFolder
+from mapgraft.outputs.label_parts import MANY
 
 RIGHT, WRONG, UNSURE = Answer("right"), Answer("wrong"), Answer("unsure")
 
@@ -320,3 +322,28 @@ def test_many_at_once(serve: Callable, out: Path):
     found = ExampleFolder(out).labels()
     counts = {f"name{number}": sum(by == f"name{number}" for _, by in found) for number in range(6)}
     assert counts == {f"name{number}": 10 for number in range(6)}
+
+
+def test_every_64th_answer_words_are_put_together(serve: Callable, out: Path):
+    """In the background: the answer itself does not wait. A later start finds the same words."""
+    client = serve(out)
+    for _ in range(MANY):
+        assert client.label(7, "right").status == 200
+    folder = out / "labels" / f"run_id={RUN}"
+    for _ in range(600):
+        if len(list(folder.glob("part-*.parquet"))) == 1:
+            break
+        time.sleep(0.05)
+    assert len(rows(out)) == MANY
+    assert len(list(folder.glob("part-*.parquet"))) == 1
+    assert Desk(open_folders([out])).undo("anna") == 7
+
+
+def test_a_start_puts_words_together(out: Path):
+    desk = Desk(open_folders([out]))
+    for _ in range(MANY):
+        desk.say(7, "anna", RIGHT)
+    assert len(list((out / "labels").glob("*/part-*.parquet"))) == MANY
+    open_folders([out]).tidy()
+    assert len(list((out / "labels").glob("*/part-*.parquet"))) == 1
+    assert desk.undo("anna") == 7  # who has read them before goes on
