@@ -21,6 +21,7 @@ from mapgraft.decision import Rule
 from mapgraft.errors import UsageError
 
 AUTO, FIT = "auto", "fit"
+UNFITTED = "score"  # the number to go by where there is nothing to fit
 SEQUENTIAL = "sequential"  # the verifier whose limits labels can set
 _NEARLY_ALL = 0.9
 
@@ -174,7 +175,7 @@ def choice(examples: Sequence[Labelled], rule: Rule, asked: Asked) -> tuple[Scor
         return single(number), examples
     ours, theirs = parts(examples)
     found = fitted(ours)
-    return (single("score"), examples) if found is None or not theirs else (found, theirs)
+    return (single(UNFITTED), examples) if found is None or not theirs else (found, theirs)
 
 
 def parts(examples: Sequence[Labelled]) -> tuple[list[Labelled], list[Labelled]]:
@@ -286,6 +287,11 @@ def _remarks(labels: Labels, told: Sequence[str], by_name: Mapping[str, Rule], f
             "first was wrong, where it was wrong nobody knows"
         )
     for fit in fits:
+        if fit.score == single(UNFITTED):
+            said.append(
+                f"no score of {fit.rule.name!r} could be fitted on other buildings than thresholds are set on: they are "
+                "set on the matcher's own"
+            )
         said += _selected(labels, fit)
     return said
 
