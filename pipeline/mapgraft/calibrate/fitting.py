@@ -289,7 +289,7 @@ def _remarks(labels: Labels, told: Sequence[str], by_name: Mapping[str, Rule], f
     for fit in fits:
         if fit.score == single(UNFITTED):
             said.append(
-                f"no score of {fit.rule.name!r} could be fitted on other buildings than thresholds are set on: they are "
+                f"no score of {fit.rule.name!r} could be fitted on buildings of its own: thresholds are "
                 "set on the matcher's own"
             )
         said += _selected(labels, fit)
