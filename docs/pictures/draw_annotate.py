@@ -116,7 +116,7 @@ def show(page: Any, number: int) -> None:
     """Put one example on the page, whatever the queue holds."""
     base = page.evaluate("document.body.dataset.base")
     page.evaluate(
-        "address => htmx.ajax('GET', address, { target: '#example', swap: 'outerHTML' })", f"{base}/example/{number}"
+        "address => void htmx.ajax('GET', address, { target: '#example', swap: 'outerHTML' })", f"{base}/example/{number}"
     )
     page.wait_for_selector(f"#stage[data-shown='{number}']:not([aria-busy])")
 
