@@ -213,6 +213,10 @@ def test_a_score_is_fitted_on_other_buildings_than_thresholds_are_set_on(made: M
     assert ours
     assert not {name for e in ours for name in e.buildings} & {name for e in theirs for name in e.buildings}
     assert choice(examples, rule, Asked()) == (single(NUMBER), examples)
+    watched = [e for n, name in enumerate("ab") for e in made(name, 700, n, watched=True)]
+    fit = fit_of(calibrate(labels(watched), installed, Asked(0.05, 0.01, 0.05, score="fit"))).finest[0]
+    assert fit.confirm is not None
+    assert fit.confirm.labels == fit.accept.wrong  # nor are the limits of the test set where the score was fitted
 
 
 def test_a_fitted_score_takes_what_tells_and_leaves_noise(made: Make) -> None:

@@ -208,14 +208,13 @@ def _fits(
     finest = sorted({example.group for example in examples}, key=lambda group: group.name)
     steps = [step for level in range(3) for group in finest for step in group.coarser[level : level + 1]]
     limits = {group: acceptance(setting, score, group, asked.false_accept, floor) for group in dict.fromkeys(steps)}
-    return [_fit(group, limits, setting, examples, score, rule, asked) for group in limits]
+    return [_fit(group, limits, setting, score, rule, asked) for group in limits]
 
 
 def _fit(
     group: Group,
     limits: Mapping[Group, Threshold],
     setting: Sequence[Labelled],
-    examples: Sequence[Labelled],
     score: Score,
     rule: Rule,
     asked: Asked,
@@ -226,7 +225,7 @@ def _fit(
     revert, confirm, falls = None, None, True
     if rule.verify is not None and rule.verify.use == SEQUENTIAL and math.isfinite(limit.value):
         by = limits if group.resolutions else dict.fromkeys(limits, limit)  # what takes the members of a coarser group
-        watch = Watch(examples, lambda e: by[e.group].passes(score.of(e.numbers)), _test(rule))
+        watch = Watch(setting, lambda e: by[e.group].passes(score.of(e.numbers)), _test(rule))
         revert, falls = watch.reversal(group, asked.false_revert)
         confirm = watch.confirmation(group, asked.false_confirm, revert.value)
     return Fit(group, limit, revert, confirm, falls, wrong, right, _by_overlap(here, score, same))

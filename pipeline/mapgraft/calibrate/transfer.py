@@ -172,7 +172,7 @@ def judged(
     if by_buildings:
         return said("guaranteed", f"labels of {buildings} buildings are enough, if another is exchangeable with them")
     if buildings < 2:
-        return said("none", "labels are of one building only, which says nothing about another")
+        return said("none", "thresholds are set by labels of one building only, which say nothing about another")
     if len(asked) < 2:
         return said("none", "no two buildings have labels enough to be tested on each other")
     return said(
