@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from toy_examples import ENVIRONMENTS, RUN, write_toys
@@ -21,6 +22,7 @@ from mapgraft.annotate.shown import Place
 from mapgraft.annotate.words import Words
 from mapgraft.errors import UsageError
 from mapgraft.examples import ExampleFolder
+from mapgraft.examples.publishing import publish
 from mapgraft.outputs.label_parts import MANY
 
 RIGHT, WRONG, UNSURE = Answer("right"), Answer("wrong"), Answer("unsure")
@@ -255,6 +257,33 @@ def test_words_about_another_transform_are_not_taken(desk: Desk, out: Path):
     again.next("anna")
     assert again.word(0, "anna") is None
     assert again.word(0, "bob").said == "wrong"
+
+
+def test_labels_of_an_earlier_version_count(desk: Desk, out: Path):
+    """A part that has not all columns, and one in which transforms are null, not NaN."""
+    done = answers(desk, "anna", 3)
+    parts = sorted((out / "labels").glob("*/part-*.parquet"))
+    table = pq.ParquetFile(parts[0]).read()
+    pq.write_table(table.drop_columns(["T_receiver_donor", "comment"]), parts[0])
+    table = pq.ParquetFile(parts[1]).read()
+    at = table.schema.get_field_index("T_receiver_donor_judged")
+    nulls = pa.nulls(len(table), table.schema.field(at).type)
+    pq.write_table(table.set_column(at, table.schema.field(at), nulls), parts[1])
+    again = Desk(open_folders([out]))
+    again.next("anna")
+    assert {n for n in range(60) if again.word(n, "anna") is not None} == set(done)
+
+
+def test_words_that_came_with_a_dataset_count(desk: Desk, out: Path, tmp_path: Path):
+    """A published dataset holds them in a column; what is said there goes to its own labels."""
+    answers(desk, "anna", 3)
+    publish([out], tmp_path / "dataset")
+    published = Desk(open_folders([tmp_path / "dataset"]))
+    assert published.progress("anna").mine == {"right": 3, "wrong": 0, "unsure": 0}
+    answers(published, "anna", 1, WRONG)
+    assert published.undo("anna") is not None and published.undo("anna") is not None
+    assert published.progress("anna").answered == 2
+    assert len(rows(tmp_path / "dataset")) == 3 and len(rows(out)) == 3
 
 
 def hidden(out: Path, key: Any) -> list[str]:
