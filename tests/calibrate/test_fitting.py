@@ -252,3 +252,24 @@ def test_labels_of_other_rules_are_refused_in_a_sentence(made: Make, installed: 
     nobody = [dataclasses.replace(e, right=None, by="") for e in made("a", 10, 1)]
     with pytest.raises(UsageError, match=r"none of 10 examples in .* has a label"):
         calibrate(Labels(nobody, folders=["x"]), installed, Asked())
+
+
+def test_of_a_verifier_that_keeps_its_limits_it_is_told_what_they_did(made: Make, installed: list[Rule]) -> None:
+    rule = next(
+        rule for rule in installed if rule.verify and rule.verify.use == "thresholds" and "prior" not in str(rule.when)
+    )
+    known = [
+        dataclasses.replace(
+            e, group=dataclasses.replace(e.group, rule=rule.name), reverted=n % 5 == 0, confirmed=n % 7 == 0
+        )
+        for n, e in enumerate(made("a", 400, 1, watched=True))
+    ]
+    fit = fit_of(calibrate(labels(known), installed, Asked(0.02, score=NUMBER))).finest[0]
+    assert (fit.revert, fit.confirm) == (None, None)
+    assert fit.kept is not None
+    reverted, confirmed = fit.kept
+    assert (reverted.count, reverted.of) == (
+        sum(e.reverted for e in known if e.right),
+        sum(bool(e.right) for e in known),
+    )
+    assert confirmed.count == sum(e.confirmed for e in known if not e.right)

@@ -59,6 +59,8 @@ class Asked:
 class Fit:
     """What labels say of one group: three limits, what they do to the labels that set them, and by environment.
 
+    Where the verifier is another than the sequential test, its limits stay, and ``kept`` tells what they did to the
+    merges that were read: the share of right ones that was reverted, and of wrong ones that was confirmed.
     ``prior_reverts`` says whether the fall of the probability may still revert a merge. ``wrong`` and ``right`` are the
     shares that are accepted of the group's labels; ``overlaps`` the latter by overlap.
     """
@@ -71,6 +73,7 @@ class Fit:
     wrong: Rate
     right: Rate
     overlaps: Sequence[tuple[str, Rate]] = ()
+    kept: tuple[Rate, Rate] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -228,7 +231,16 @@ def _fit(
         watch = Watch(setting, lambda e: by[e.group].passes(score.of(e.numbers)), _test(rule))
         revert, falls = watch.reversal(group, asked.false_revert)
         confirm = watch.confirmation(group, asked.false_confirm, revert.value)
-    return Fit(group, limit, revert, confirm, falls, wrong, right, _by_overlap(here, score, same))
+    kept = None if rule.verify is None or rule.verify.use == SEQUENTIAL else _kept(here)
+    return Fit(group, limit, revert, confirm, falls, wrong, right, _by_overlap(here, score, same), kept)
+
+
+def _kept(examples: Sequence[Labelled]) -> tuple[Rate, Rate]:
+    """Of the merges that were read, how many right ones were reverted and how many wrong ones confirmed."""
+    right, wrong = ([e for e in examples if e.looks and e.right is kind] for kind in (True, False))
+    return Rate.counted(sum(e.reverted for e in right), len(right)), Rate.counted(
+        sum(e.confirmed and e.right_later is not True for e in wrong), len(wrong)
+    )
 
 
 def _test(rule: Rule) -> Test:
