@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import math
+import signal
+import subprocess
+import sys
+import textwrap
 from pathlib import Path
 
 import duckdb
 import numpy as np
+import polars as pl
 import pytest
 
 import mapgraft
-from mapgraft.contracts import Measurement, Sample, Transform, Verdict
-from mapgraft.errors import ConfigError
+from mapgraft.contracts import Measurement, Observation, Sample, Transform, Verdict
+from mapgraft.errors import ConfigError, UsageError
+from mapgraft.events import Event, Snapshot
 from mapgraft.examples import ExampleFolder, ExampleKey, transform_of
 from mapgraft.examples.looks import MOST, Looks
 from mapgraft.examples.pictures import cells_of
@@ -203,3 +210,52 @@ def test_keys_are_the_runs(ran):
     assert {key.run_id for key in ran.folder.keys} == {ran.result.run_id}
     assert ExampleKey(ran.result.run_id, "alpha.bravo.1") in ran.folder
     assert isinstance(ran.out, Path) and isinstance(ran.T_world_map["alpha"], Transform)
+
+
+def test_a_run_that_was_ended_leaves_what_was_whole_and_ends_with_the_same_bytes(ran, tmp_path):
+    class Ends:
+        """Somebody presses Ctrl-C when a merge is reverted."""
+
+        def observed(self, observation: Observation) -> None: ...
+        def mapped(self, snapshot: Snapshot) -> None: ...
+        def happened(self, event: Event) -> None:
+            if event.kind == "reverted":
+                raise KeyboardInterrupt
+
+    files, _, _ = demo_files()
+    with pytest.raises(KeyboardInterrupt):
+        mapgraft.run(files, ran.config, tmp_path, sinks=[Ends()])
+    (partial,) = tmp_path.glob("examples/run_id=*/.part-*.partial")
+    whole = pl.read_parquet(partial)["example_id"].to_list()
+    assert whole == [key.example_id for key in ran.folder.keys][: len(whole)] and "alpha.bravo.1" in whole
+    with pytest.raises(UsageError, match="has no examples"):
+        ExampleFolder(tmp_path)
+    mapgraft.run(files, ran.config, tmp_path)
+    (ours,), (theirs,) = (sorted(folder.glob("examples/**/*.parquet")) for folder in (tmp_path, ran.out))
+    assert ours.read_bytes() == theirs.read_bytes() and not list(tmp_path.rglob("*.partial"))
+
+
+def test_a_run_that_was_killed_is_computed_again_to_the_same_bytes(ran, tmp_path):
+    script = """
+    import json, os, signal, sys
+    from pathlib import Path
+    import mapgraft
+
+    class Dies:
+        def observed(self, observation): ...
+        def mapped(self, snapshot): ...
+        def happened(self, event):
+            if event.kind == "reverted":
+                os.kill(os.getpid(), signal.SIGKILL)
+
+    files, config, out = json.loads(sys.argv[1])
+    mapgraft.run(files, config, out, sinks=[Dies()])
+    """
+    files, _, _ = demo_files()
+    told = json.dumps([[str(file) for file in files], ran.config, str(tmp_path)])
+    killed = subprocess.run([sys.executable, "-c", textwrap.dedent(script), told], capture_output=True, check=False)
+    assert killed.returncode == -signal.SIGKILL
+    assert not list(tmp_path.glob("examples/**/part-*.parquet"))
+    mapgraft.run(files, ran.config, tmp_path)
+    (ours,), (theirs,) = (sorted(folder.glob("examples/**/*.parquet")) for folder in (tmp_path, ran.out))
+    assert ours.read_bytes() == theirs.read_bytes()

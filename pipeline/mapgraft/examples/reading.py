@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from mapgraft.contracts import Transform
 from mapgraft.errors import UsageError
@@ -254,7 +255,7 @@ def put_at(T_receiver_donor: Transform | None, x_m: float, y_m: float, yaw_rad: 
     return put @ was.inverse() @ T_receiver_donor
 
 
-def transform_of(flat: Sequence[float] | None) -> Transform | None:
+def transform_of(flat: Sequence[float] | NDArray[np.float64] | None) -> Transform | None:
     """A transform from 16 numbers, row by row; None where there are none, or NaN."""
     if flat is None or not np.isfinite(flat).all():
         return None
