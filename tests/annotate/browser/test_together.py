@@ -53,8 +53,8 @@ def test_two_annotators_answer_at_once(folder: Path, start: Callable[..., Any], 
     assert "κ" in sheet
 
 
-def test_no_answer_is_lost_when_the_server_is_killed(folder: Path, start: Callable[..., Any], visit: Any) -> None:
-    server = start(folder)
+def test_no_answer_is_lost_when_the_server_is_killed(folder: Path, command: Callable[..., Any], visit: Any) -> None:
+    server = command(folder)
     page = visit(server, "Clara")
     judged = [answered(page, key) for key in "rwu"]
     server.end(signal.SIGKILL)
