@@ -14,14 +14,14 @@ from mapgraft.calibrate.groups import Group
 from mapgraft.calibrate.labelled import Labelled, Labels
 from mapgraft.calibrate.quality import Quality, quality
 from mapgraft.calibrate.rates import Rate
-from mapgraft.calibrate.scoring import Score, fitted, single
-from mapgraft.calibrate.transfer import Transfer, building_threshold, judged, left_out, target_of, unlike
+from mapgraft.calibrate.remarks import remarks
+from mapgraft.calibrate.scoring import UNFITTED, Score, fitted, single
+from mapgraft.calibrate.transfer import Transfer, building_threshold, judged, left_out, target_of
 from mapgraft.calibrate.watching import Limit, Test, Watch
 from mapgraft.decision import Rule
 from mapgraft.errors import UsageError
 
 AUTO, FIT = "auto", "fit"
-UNFITTED = "score"  # the number to go by where there is nothing to fit
 SEQUENTIAL = "sequential"  # the verifier whose limits labels can set
 _NEARLY_ALL = 0.9
 
@@ -140,7 +140,9 @@ def calibrate(labels: Labels, rules: Sequence[Rule], asked: Asked, meant: Labels
         if rule.name in told and rule.reject is None
     ]
     others = [rule for rule in rules if rule.name not in told]
-    return Calibration(asked, labels, fits, others, _remarks(labels, told, by_name, fits))
+    return Calibration(
+        asked, labels, fits, others, remarks(labels, told, by_name, [(fit.rule.name, fit.score) for fit in fits])
+    )
 
 
 def _rule(rule: Rule, examples: Sequence[Labelled], meant: Sequence[Labelled], asked: Asked) -> RuleFit:
@@ -277,49 +279,3 @@ def _by_quality(examples: Sequence[Labelled], score: Score, rule: Rule, asked: A
             name = f"{third[0].quality:.2f} to {third[-1].quality:.2f}"
             out.append((name, acceptance(third, score, group, asked.false_accept)))
     return out
-
-
-def _remarks(labels: Labels, told: Sequence[str], by_name: Mapping[str, Rule], fits: Sequence[RuleFit]) -> list[str]:
-    counts, said = labels.counts, []
-    if unknown := [name for name in told if name not in by_name]:
-        said.append(f"labels of rules that the decision table does not have were left out: {', '.join(unknown)}")
-    if counts["persons disagree"]:
-        said.append(
-            f"of {counts['persons disagree']} examples persons disagree whether they are right: they count as wrong "
-            "where that raises a threshold, and are left out otherwise"
-        )
-    if counts["a person contradicts the truth"]:
-        said.append(f"persons contradict the truth of {counts['a person contradicts the truth']} examples: it was kept")
-    if counts["held back for testing"]:
-        said.append(f"{counts['held back for testing']} examples that the dataset holds back for testing were not read")
-    if judged_other := counts["another than the first hypothesis was judged"]:
-        said.append(
-            f"of {judged_other} examples another than the first hypothesis was judged: where that was right the "
-            "first was wrong, where it was wrong nobody knows"
-        )
-    for fit in fits:
-        if fit.score == single(UNFITTED):
-            said.append(
-                f"no score of {fit.rule.name!r} could be fitted on buildings of its own: thresholds are "
-                "set on the matcher's own"
-            )
-        said += _selected(labels, fit)
-    return said
-
-
-def _selected(labels: Labels, fit: RuleFit) -> list[str]:
-    """A sentence where the labels are a choice that differs from the examples they are of."""
-    here = [example for example in labels.examples if example.group.rule == fit.rule.name]
-    without = [example for example in here if example.right is None and not example.contested]
-    if not without:
-        return []
-    labelled = [example for example in here if example.right is not None]
-    of = f"{len(without)} of {len(here)} examples of the rule {fit.rule.name!r} have no label"
-    own = fit.score.all(labelled)
-    apart = unlike(fit.score.all(without), own, own)
-    if math.isnan(apart) or apart <= 1.63 * math.sqrt(1.0 / len(without) + 1.0 / len(labelled)):
-        return [f"{of}; what is promised is promised of examples like the labelled ones"]
-    return [
-        f"{of}, and their scores differ from those of the labelled ones by {apart:.2f}: the labels are a choice, and "
-        "what is promised is promised of examples chosen alike"
-    ]
