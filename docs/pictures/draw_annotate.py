@@ -114,10 +114,8 @@ def photograph(browser: Any, run: Path, shot: Shot, scratch: Path) -> Image.Imag
 
 def show(page: Any, number: int) -> None:
     """Put one example on the page, whatever the queue holds."""
-    base = page.evaluate("document.body.dataset.base")
-    page.evaluate(
-        "address => htmx.ajax('GET', address, { target: '#example', swap: 'outerHTML' })", f"{base}/example/{number}"
-    )
+    address = f"{page.evaluate('document.body.dataset.base')}/example/{number}"
+    page.evaluate("a => void htmx.ajax('GET', a, { target: '#example', swap: 'outerHTML' })", address)
     page.wait_for_selector(f"#stage[data-shown='{number}']:not([aria-busy])")
 
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 import re
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from toy_examples import ENVIRONMENTS, write_toys
+from toy_examples import ENVIRONMENTS, RUN, write_toys
 
 from mapgraft.annotate.desk import Answer, Desk
 from mapgraft.annotate.opened import open_folders
@@ -20,6 +22,8 @@ from mapgraft.annotate.shown import Place
 from mapgraft.annotate.words import Words
 from mapgraft.errors import UsageError
 from mapgraft.examples import ExampleFolder
+from mapgraft.examples.publishing import publish
+from mapgraft.outputs.label_parts import MANY
 
 RIGHT, WRONG, UNSURE = Answer("right"), Answer("wrong"), Answer("unsure")
 
@@ -255,6 +259,33 @@ def test_words_about_another_transform_are_not_taken(desk: Desk, out: Path):
     assert again.word(0, "bob").said == "wrong"
 
 
+def test_labels_of_an_earlier_version_count(desk: Desk, out: Path):
+    """A part that has not all columns, and one in which transforms are null, not NaN."""
+    done = answers(desk, "anna", 3)
+    parts = sorted((out / "labels").glob("*/part-*.parquet"))
+    table = pq.ParquetFile(parts[0]).read()
+    pq.write_table(table.drop_columns(["T_receiver_donor", "comment"]), parts[0])
+    table = pq.ParquetFile(parts[1]).read()
+    at = table.schema.get_field_index("T_receiver_donor_judged")
+    nulls = pa.nulls(len(table), table.schema.field(at).type)
+    pq.write_table(table.set_column(at, table.schema.field(at), nulls), parts[1])
+    again = Desk(open_folders([out]))
+    again.next("anna")
+    assert {n for n in range(60) if again.word(n, "anna") is not None} == set(done)
+
+
+def test_words_that_came_with_a_dataset_count(desk: Desk, out: Path, tmp_path: Path):
+    """A published dataset holds them in a column; what is said there goes to its own labels."""
+    answers(desk, "anna", 3)
+    publish([out], tmp_path / "dataset")
+    published = Desk(open_folders([tmp_path / "dataset"]))
+    assert published.progress("anna").mine == {"right": 3, "wrong": 0, "unsure": 0}
+    answers(published, "anna", 1, WRONG)
+    assert published.undo("anna") is not None and published.undo("anna") is not None
+    assert published.progress("anna").answered == 2
+    assert len(rows(tmp_path / "dataset")) == 3 and len(rows(out)) == 3
+
+
 def hidden(out: Path, key: Any) -> list[str]:
     """What must not be told before the answer, as it would be spelt."""
     row = ExampleFolder(out).row(key)
@@ -320,3 +351,28 @@ def test_many_at_once(serve: Callable, out: Path):
     found = ExampleFolder(out).labels()
     counts = {f"name{number}": sum(by == f"name{number}" for _, by in found) for number in range(6)}
     assert counts == {f"name{number}": 10 for number in range(6)}
+
+
+def test_every_64th_answer_words_are_put_together(serve: Callable, out: Path):
+    """In the background: the answer itself does not wait. A later start finds the same words."""
+    client = serve(out)
+    for _ in range(MANY):
+        assert client.label(7, "right").status == 200
+    folder = out / "labels" / f"run_id={RUN}"
+    for _ in range(600):
+        if len(list(folder.glob("part-*.parquet"))) == 1:
+            break
+        time.sleep(0.05)
+    assert len(rows(out)) == MANY
+    assert len(list(folder.glob("part-*.parquet"))) == 1
+    assert Desk(open_folders([out])).undo("anna") == 7
+
+
+def test_a_start_puts_words_together(out: Path):
+    desk = Desk(open_folders([out]))
+    for _ in range(MANY):
+        desk.say(7, "anna", RIGHT)
+    assert len(list((out / "labels").glob("*/part-*.parquet"))) == MANY
+    open_folders([out]).tidy()
+    assert len(list((out / "labels").glob("*/part-*.parquet"))) == 1
+    assert desk.undo("anna") == 7  # who has read them before goes on

@@ -299,10 +299,16 @@ def test_where_all_addresses_are_listened_to_names_are_still_refused():
 
 
 def test_a_server_of_this_machine_cannot_be_reached_from_others(client: Any):
-    for address in {info[4][0] for info in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)}:
-        if not address.startswith("127."):
-            with pytest.raises(OSError), socket.create_connection((address, client.port), 5):
-                pass
+    try:
+        found = {info[4][0] for info in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)}
+    except OSError:
+        found = set()
+    addresses = [address for address in found if not str(address).startswith("127.")]
+    if not addresses:
+        pytest.skip("this machine has no other address by its name")
+    for address in addresses:
+        with pytest.raises(OSError), socket.create_connection((address, client.port), 5):
+            pass
 
 
 def test_no_page_asks_anything_elsewhere(client: Any):

@@ -15,7 +15,7 @@ import pytest
 from toy_examples import RUN
 
 from mapgraft.annotate.desk import Answer, Desk
-from mapgraft.annotate.opened import checked_picture, open_folders
+from mapgraft.annotate.opened import MOST_EXAMPLES, checked_picture, open_folders
 from mapgraft.errors import MapError, OutputError, UsageError
 from mapgraft.outputs.labels import label
 
@@ -221,6 +221,14 @@ def test_damaged_examples_have_a_sentence(out: Path, damage: str):
     with pytest.raises(UsageError) as raised:
         open_folders([out])
     assert str(out) in str(raised.value) and "\n" not in str(raised.value)
+
+
+def test_a_folder_that_claims_too_many_examples_is_not_read(out: Path):
+    """A billion rows of one value take a few bytes in a file."""
+    ids = pa.DictionaryArray.from_arrays(pa.array([0] * (MOST_EXAMPLES + 1), pa.int8()), pa.array(["alpha.beta.1"]))
+    pq.write_table(pa.table({"example_id": ids}), part(out))
+    with pytest.raises(UsageError, match=f"has {MOST_EXAMPLES + 1} examples, more than"):
+        open_folders([out])
 
 
 def test_bytes_that_were_damaged_later_are_passed_over(out: Path):

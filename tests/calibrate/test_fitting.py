@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -13,11 +14,14 @@ import pytest
 from mapgraft.calibrate import Asked, Calibration, Fit, Labelled, Labels, RuleFit, calibrate
 from mapgraft.calibrate.acceptance import acceptance, members
 from mapgraft.calibrate.conformal import threshold
+from mapgraft.calibrate.document import document
 from mapgraft.calibrate.fitting import choice, parts
 from mapgraft.calibrate.groups import Group
+from mapgraft.calibrate.page import page_of
 from mapgraft.calibrate.scoring import fitted, single
+from mapgraft.calibrate.table import rules_text
 from mapgraft.calibrate.transfer import unlike
-from mapgraft.decision import Rule
+from mapgraft.decision import Rule, parse_rules
 from mapgraft.errors import UsageError
 
 Make = Callable[..., list[Labelled]]
@@ -213,6 +217,10 @@ def test_a_score_is_fitted_on_other_buildings_than_thresholds_are_set_on(made: M
     assert ours
     assert not {name for e in ours for name in e.buildings} & {name for e in theirs for name in e.buildings}
     assert choice(examples, rule, Asked()) == (single(NUMBER), examples)
+    watched = [e for n, name in enumerate("ab") for e in made(name, 700, n, watched=True)]
+    fit = fit_of(calibrate(labels(watched), installed, Asked(0.05, 0.01, 0.05, score="fit"))).finest[0]
+    assert fit.confirm is not None
+    assert fit.confirm.labels == fit.accept.wrong  # nor are the limits of the test set where the score was fitted
 
 
 def test_a_fitted_score_takes_what_tells_and_leaves_noise(made: Make) -> None:
@@ -248,3 +256,49 @@ def test_labels_of_other_rules_are_refused_in_a_sentence(made: Make, installed: 
     nobody = [dataclasses.replace(e, right=None, by="") for e in made("a", 10, 1)]
     with pytest.raises(UsageError, match=r"none of 10 examples in .* has a label"):
         calibrate(Labels(nobody, folders=["x"]), installed, Asked())
+
+
+def test_of_a_verifier_that_keeps_its_limits_it_is_told_what_they_did(made: Make, installed: list[Rule]) -> None:
+    rule = next(
+        rule for rule in installed if rule.verify and rule.verify.use == "thresholds" and "prior" not in str(rule.when)
+    )
+    known = [
+        dataclasses.replace(
+            e, group=dataclasses.replace(e.group, rule=rule.name), reverted=n % 5 == 0, confirmed=n % 7 == 0
+        )
+        for n, e in enumerate(made("a", 400, 1, watched=True))
+    ]
+    fit = fit_of(calibrate(labels(known), installed, Asked(0.02, score=NUMBER))).finest[0]
+    assert (fit.revert, fit.confirm) == (None, None)
+    assert fit.kept is not None
+    reverted, confirmed = fit.kept
+    assert (reverted.count, reverted.of) == (
+        sum(e.reverted for e in known if e.right),
+        sum(bool(e.right) for e in known),
+    )
+    assert confirmed.count == sum(e.confirmed for e in known if not e.right)
+
+
+def test_labels_that_are_a_choice_are_told(made: Make, installed: list[Rule]) -> None:
+    examples = made("a", 400, 1)
+    blind = [dataclasses.replace(e, unit=("blind", *e.unit), right=None, by="") for e in made("a", 200, 2)]
+    near = [e for e in examples if 0.0 < e.numbers[NUMBER] < 4.0]
+    alike, chosen = (calibrate(labels(some, blind), installed, Asked(0.05)).remarks for some in (examples, near))
+    assert "of examples like the labelled ones" in " ".join(alike)
+    assert "the labels are a choice" in " ".join(chosen)
+
+
+@pytest.mark.parametrize("kind", ["right", "wrong", "contested", "scoreless"])
+def test_labels_of_one_kind_make_no_error(made: Make, installed: list[Rule], kind: str) -> None:
+    examples = made("a", 120, 1, watched=True)
+    if kind == "contested":
+        known = [dataclasses.replace(e, right=None, contested=True) for e in examples]
+    elif kind == "scoreless":
+        known = [dataclasses.replace(e, numbers={**e.numbers, NUMBER: math.nan}) for e in examples]
+    else:
+        known = [dataclasses.replace(e, right=kind == "right", right_later=kind == "right") for e in examples]
+    for score in ("auto", "fit"):
+        found = calibrate(labels(known), installed, Asked(0.05, 0.05, 0.05, score=score))
+        parse_rules(rules_text(found), "here")
+        assert "</html>" in page_of(found)
+        json.dumps(document(found), allow_nan=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -164,6 +165,29 @@ def test_a_folder_that_cannot_be_written_stays_as_it_is(tmp_path: Path):
     (tmp_path / ".mapgraft.lock").mkdir()
     assert not gather(tmp_path, RUN, at_least=2)
     assert len(read(tmp_path)) == 3
+
+
+def test_writing_reading_and_putting_together_at_once(tmp_path: Path):
+    """Two write, one puts together all the time, one reads: who reads knows all that was written before."""
+    written, known, reading = set[str](), set[str](), LabelParts(tmp_path)
+
+    def write(first: int) -> None:
+        for number in range(first, first + 40):
+            say(tmp_path, number)
+            written.add(f"a.b.{number}")
+
+    with ThreadPoolExecutor(3) as pool:
+        writing = [pool.submit(write, first) for first in (0, 100)]
+        gathering = pool.submit(lambda: sum(gather(tmp_path, RUN, 2) for _ in iter(lambda: len(written) < 80, False)))
+        while not all(writer.done() for writer in writing):
+            before = set(written)
+            known |= {row["merge_id"] for _, rows in reading.new() for row in rows.to_pylist()}
+            assert before <= known
+        for writer in writing:
+            writer.result()
+        assert gathering.result() > 2
+    assert not reading.unread
+    assert {row["merge_id"] for _, row in read(tmp_path)} == written and len(written) == 80
 
 
 @settings(max_examples=8, deadline=None)

@@ -1,4 +1,4 @@
-"""Examples that nobody ran: little maps of rooms, right and wrong transforms, and numbers that tell them apart, mostly."""
+"""Examples that nobody ran: little maps of rooms, right and wrong transforms, numbers that mostly tell them apart."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def _add_answers(routes: FastAPI, desk: Desk, base: str, default: str | None) ->
         desk.say(_existing(desk, n), annotator, answer)
         shown = _shown(desk, base, annotator, desk.next(annotator))
         shown.headers["hx-trigger"] = json.dumps({"answered": {"n": n}})
-        shown.background = BackgroundTask(desk.tidy_after, n)
+        shown.background = BackgroundTask(desk.rest, annotator, n)
         return shown
 
     @routes.post("/skip/{n:int}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import unicodedata
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from threading import RLock
@@ -162,8 +163,16 @@ class Desk:
             mine = {word: int((own == code).sum()) for word, code in CODES.items()}
             return Progress(annotator, answered, len(self), labelled, mine, said, pairs, mean_kappa(pairs))
 
-    def tidy_after(self, n: int) -> None:
-        """Now and then put words together, of the run whose example has just been judged; nobody has to wait for it."""
+    def rest(self, annotator: str, n: int) -> None:
+        """What there is to do while somebody looks at the example that came after ``n``, which they have judged.
+
+        The one after that is read, and now and then words are put together.
+        """
+        current = self._shown_to.get(annotator)
+        following = None if current is None else self.after(annotator, current)
+        if following is not None:
+            with suppress(*UNREADABLE):  # it is passed over when it is its turn
+                self.shown(following)
         if self.given % MANY == 0:
             gather(*self._opened.place_of(n))
 

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from mapgraft.annotate.shown import Outcome, Place, Shown, Which
@@ -19,6 +20,7 @@ from mapgraft.annotate.uncertainty import COLUMNS, uncertainty
 from mapgraft.contracts import Transform
 from mapgraft.errors import MapError, MapgraftError, OutputError, TransformError, UsageError
 from mapgraft.examples import ExampleFolder, ExampleKey, Word, published_words, put_at, transform_of
+from mapgraft.examples.reading import EXAMPLES
 from mapgraft.outputs.label_parts import gather
 from mapgraft.outputs.labels import Verdict, label
 from mapgraft.outputs.provenance import is_run_id
@@ -27,6 +29,7 @@ from mapgraft.persons import SAME_PLACE_M, SAME_TURN_RAD
 LISTED: Final = ("run_id", "environment", "truth", "T_receiver_donor", "own_px_m", "donor_px_m")
 TRUTHS: Final = ("right", "wrong")
 RUN_CHARACTERS: Final = 128  # of an id that is to be in the name of a folder
+MOST_EXAMPLES: Final = 1_000_000  # of one folder
 PICTURE_BYTES: Final = 4 * 2**20
 PICTURE_PX: Final = 4_096  # of a side
 REMEMBERED: Final = 256  # examples, and half as many pictures
@@ -95,6 +98,15 @@ class Opened:
             return True
         shift_m, turn_rad = T.difference(T_judged)
         return shift_m <= SAME_PLACE_M and turn_rad <= SAME_TURN_RAD
+
+    def other_transform(self, n: int, flat: NDArray[np.float64]) -> Transform | None:
+        """A transform that somebody wrote down, (16,) row-major; None where it is the one to be judged, or none."""
+        if np.isnan(flat[0]) or np.array_equal(flat, self._T[n]):
+            return None
+        try:
+            return transform_of(flat.tolist())
+        except TransformError:
+            return None
 
     def moved(self, n: int, T_held: Transform | None) -> Place | None:
         """Where somebody put the donor's map, None where they left it."""
@@ -168,8 +180,7 @@ class Opened:
                 continue
             kept.append(at)
             self._take(number, key, *row)
-        T = np.reshape(_numbers(rows["T_receiver_donor"].combine_chunks().flatten()), (-1, 16))
-        return uncertainty(rows)[kept], T[kept]
+        return uncertainty(rows)[kept], matrices(rows["T_receiver_donor"])[kept]
 
     def _left_out(self, key: ExampleKey, pictured: bool) -> str | None:
         if not pictured:
@@ -193,6 +204,8 @@ def open_folders(paths: Sequence[Path]) -> Opened:
             raise UsageError(f"{path} is no folder: name the folder of a run, an evaluation or a dataset")
         distinct.setdefault(path.resolve(), path)
     try:
+        for path in distinct.values():
+            _require_few(path)
         return Opened([ExampleFolder(path) for path in distinct.values()])
     except MapgraftError:
         raise
@@ -200,6 +213,13 @@ def open_folders(paths: Sequence[Path]) -> Opened:
         raise UsageError(
             f"the examples in {', '.join(map(str, paths))} are none that mapgraft wrote ({error}): make them again"
         ) from error
+
+
+def _require_few(path: Path) -> None:
+    """Raises UsageError where a folder claims more examples than fit into memory, which takes few bytes."""
+    rows = sum(pq.read_metadata(part).num_rows for part in sorted((path / EXAMPLES).glob("**/part-*.parquet")))
+    if rows > MOST_EXAMPLES:
+        raise UsageError(f"{path} has {rows} examples, more than {MOST_EXAMPLES}: open fewer at a time")
 
 
 def checked_picture(data: bytes | None) -> bytes:
@@ -220,6 +240,14 @@ def _require_within(out: Path, run_id: str) -> None:
     for path in (folder, folder.parent):
         if path.is_symlink():
             raise OutputError(f"{path} leads out of the folder that was opened: put a folder in its place")
+
+
+def matrices(column: pa.ChunkedArray) -> NDArray[np.float64]:
+    """Transforms (n, 16), row-major; NaN where there is none."""
+    whole = column.combine_chunks()
+    if whole.null_count:
+        return np.array([[np.nan] * 16 if given is None else given for given in whole.to_pylist()], np.float64)
+    return np.reshape(_numbers(whole.flatten()), (-1, 16))
 
 
 def _numbers(column: pa.Array | pa.ChunkedArray) -> NDArray[np.float64]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final, get_args
 
 import numpy as np
@@ -11,19 +10,17 @@ from numpy.typing import NDArray
 
 from mapgraft import examples
 from mapgraft.annotate.agreement import Codes
-from mapgraft.annotate.opened import Opened
+from mapgraft.annotate.opened import Opened, matrices
 from mapgraft.annotate.shown import Said, Word
 from mapgraft.annotate.telling import REASON_CHARACTERS, text
-from mapgraft.contracts import Transform
-from mapgraft.errors import TransformError
-from mapgraft.examples import ExampleKey, transform_of
+from mapgraft.examples import ExampleKey
 from mapgraft.outputs.label_parts import LabelParts
 from mapgraft.outputs.labels import NOBODY_NAMED
 
 CODES: Final[dict[Said, int]] = {said: code for code, said in enumerate(get_args(Said), 1)}  # 0 is nothing
 Counts = NDArray[np.int64]  # (n,) of annotators
 MOST_ANNOTATORS: Final = 1_000  # whose words are kept; a byte each per example
-COLUMNS: Final = ("merge_id", "label", "annotator", "T_receiver_donor_judged", "T_receiver_donor", "comment")
+COLUMNS: Final = ("merge_id", "label", "annotator", "comment")
 
 
 class Words:
@@ -86,11 +83,14 @@ class Words:
 
     def _take(self, run_id: str, rows: pa.Table) -> None:
         stamps = rows["labelled_at"].cast(pa.int64()).to_pylist()
-        for row, at_ns in zip(rows.select(COLUMNS).to_pylist(), stamps, strict=True):
+        judged, held = (matrices(rows[name]) for name in ("T_receiver_donor_judged", "T_receiver_donor"))
+        for at, (row, at_ns) in enumerate(zip(rows.select(COLUMNS).to_pylist(), stamps, strict=True)):
             key = ExampleKey(run_id, row["merge_id"])
-            judged, held = (_transform(row[name]) for name in ("T_receiver_donor_judged", "T_receiver_donor"))
-            who = row["annotator"] or NOBODY_NAMED
-            self._put(examples.Word(key, row["label"], who, judged, held, row["comment"] or "", at_ns or 0, None))
+            n = self._opened.number(*key)
+            if n is not None:
+                Ts = (self._opened.other_transform(n, judged[at]), self._opened.other_transform(n, held[at]))
+                who, why = row["annotator"] or NOBODY_NAMED, row["comment"] or ""
+                self._put(examples.Word(key, row["label"], who, *Ts, why, at_ns or 0, None))
 
     def _put(self, found: examples.Word) -> None:
         n, annotator, at_ns = self._opened.number(*found.key), text(found.annotator), found.said_ns
@@ -113,11 +113,3 @@ class Words:
         self._counts[codes[n], n] -= 1
         self._counts[code, n] += 1
         codes[n] = code
-
-
-def _transform(flat: Sequence[float] | None) -> Transform | None:
-    """A transform that somebody wrote down; None where there is none."""
-    try:
-        return transform_of(flat)
-    except TransformError:
-        return None

@@ -73,6 +73,8 @@ def _fit(fit: Fit, *, has_rule: bool) -> dict[str, Any]:
         "revert": _limit(fit.revert),
         "fall_of_probability_reverts": fit.prior_reverts,
         "confirm": _limit(fit.confirm),
+        "kept_right_reverted": None if fit.kept is None else dataclasses.asdict(fit.kept[0]),
+        "kept_wrong_confirmed": None if fit.kept is None else dataclasses.asdict(fit.kept[1]),
     }
 
 

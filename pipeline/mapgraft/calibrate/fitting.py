@@ -14,8 +14,9 @@ from mapgraft.calibrate.groups import Group
 from mapgraft.calibrate.labelled import Labelled, Labels
 from mapgraft.calibrate.quality import Quality, quality
 from mapgraft.calibrate.rates import Rate
-from mapgraft.calibrate.scoring import Score, fitted, single
-from mapgraft.calibrate.transfer import Transfer, building_threshold, judged, left_out, target_of, unlike
+from mapgraft.calibrate.remarks import remarks
+from mapgraft.calibrate.scoring import UNFITTED, Score, fitted, single
+from mapgraft.calibrate.transfer import Transfer, building_threshold, judged, left_out, target_of
 from mapgraft.calibrate.watching import Limit, Test, Watch
 from mapgraft.decision import Rule
 from mapgraft.errors import UsageError
@@ -58,6 +59,8 @@ class Asked:
 class Fit:
     """What labels say of one group: three limits, what they do to the labels that set them, and by environment.
 
+    Where the verifier is another than the sequential test, its limits stay, and ``kept`` tells what they did to the
+    merges that were read: the share of right ones that was reverted, and of wrong ones that was confirmed.
     ``prior_reverts`` says whether the fall of the probability may still revert a merge. ``wrong`` and ``right`` are the
     shares that are accepted of the group's labels; ``overlaps`` the latter by overlap.
     """
@@ -70,6 +73,7 @@ class Fit:
     wrong: Rate
     right: Rate
     overlaps: Sequence[tuple[str, Rate]] = ()
+    kept: tuple[Rate, Rate] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,7 +140,9 @@ def calibrate(labels: Labels, rules: Sequence[Rule], asked: Asked, meant: Labels
         if rule.name in told and rule.reject is None
     ]
     others = [rule for rule in rules if rule.name not in told]
-    return Calibration(asked, labels, fits, others, _remarks(labels, told, by_name, fits))
+    return Calibration(
+        asked, labels, fits, others, remarks(labels, told, by_name, [(fit.rule.name, fit.score) for fit in fits])
+    )
 
 
 def _rule(rule: Rule, examples: Sequence[Labelled], meant: Sequence[Labelled], asked: Asked) -> RuleFit:
@@ -174,7 +180,7 @@ def choice(examples: Sequence[Labelled], rule: Rule, asked: Asked) -> tuple[Scor
         return single(number), examples
     ours, theirs = parts(examples)
     found = fitted(ours)
-    return (single("score"), examples) if found is None or not theirs else (found, theirs)
+    return (single(UNFITTED), examples) if found is None or not theirs else (found, theirs)
 
 
 def parts(examples: Sequence[Labelled]) -> tuple[list[Labelled], list[Labelled]]:
@@ -207,14 +213,13 @@ def _fits(
     finest = sorted({example.group for example in examples}, key=lambda group: group.name)
     steps = [step for level in range(3) for group in finest for step in group.coarser[level : level + 1]]
     limits = {group: acceptance(setting, score, group, asked.false_accept, floor) for group in dict.fromkeys(steps)}
-    return [_fit(group, limits, setting, examples, score, rule, asked) for group in limits]
+    return [_fit(group, limits, setting, score, rule, asked) for group in limits]
 
 
 def _fit(
     group: Group,
     limits: Mapping[Group, Threshold],
     setting: Sequence[Labelled],
-    examples: Sequence[Labelled],
     score: Score,
     rule: Rule,
     asked: Asked,
@@ -225,10 +230,19 @@ def _fit(
     revert, confirm, falls = None, None, True
     if rule.verify is not None and rule.verify.use == SEQUENTIAL and math.isfinite(limit.value):
         by = limits if group.resolutions else dict.fromkeys(limits, limit)  # what takes the members of a coarser group
-        watch = Watch(examples, lambda e: by[e.group].passes(score.of(e.numbers)), _test(rule))
+        watch = Watch(setting, lambda e: by[e.group].passes(score.of(e.numbers)), _test(rule))
         revert, falls = watch.reversal(group, asked.false_revert)
         confirm = watch.confirmation(group, asked.false_confirm, revert.value)
-    return Fit(group, limit, revert, confirm, falls, wrong, right, _by_overlap(here, score, same))
+    kept = None if rule.verify is None or rule.verify.use == SEQUENTIAL else _kept(here)
+    return Fit(group, limit, revert, confirm, falls, wrong, right, _by_overlap(here, score, same), kept)
+
+
+def _kept(examples: Sequence[Labelled]) -> tuple[Rate, Rate]:
+    """Of the merges that were read, how many right ones were reverted and how many wrong ones confirmed."""
+    right, wrong = ([e for e in examples if e.looks and e.right is kind] for kind in (True, False))
+    return Rate.counted(sum(e.reverted for e in right), len(right)), Rate.counted(
+        sum(e.confirmed and e.right_later is not True for e in wrong), len(wrong)
+    )
 
 
 def _test(rule: Rule) -> Test:
@@ -265,44 +279,3 @@ def _by_quality(examples: Sequence[Labelled], score: Score, rule: Rule, asked: A
             name = f"{third[0].quality:.2f} to {third[-1].quality:.2f}"
             out.append((name, acceptance(third, score, group, asked.false_accept)))
     return out
-
-
-def _remarks(labels: Labels, told: Sequence[str], by_name: Mapping[str, Rule], fits: Sequence[RuleFit]) -> list[str]:
-    counts, said = labels.counts, []
-    if unknown := [name for name in told if name not in by_name]:
-        said.append(f"labels of rules that the decision table does not have were left out: {', '.join(unknown)}")
-    if counts["persons disagree"]:
-        said.append(
-            f"of {counts['persons disagree']} examples persons disagree whether they are right: they count as wrong "
-            "where that raises a threshold, and are left out otherwise"
-        )
-    if counts["a person contradicts the truth"]:
-        said.append(f"persons contradict the truth of {counts['a person contradicts the truth']} examples: it was kept")
-    if counts["held back for testing"]:
-        said.append(f"{counts['held back for testing']} examples that the dataset holds back for testing were not read")
-    if judged_other := counts["another than the first hypothesis was judged"]:
-        said.append(
-            f"of {judged_other} examples another than the first hypothesis was judged: where that was right the "
-            "first was wrong, where it was wrong nobody knows"
-        )
-    for fit in fits:
-        said += _selected(labels, fit)
-    return said
-
-
-def _selected(labels: Labels, fit: RuleFit) -> list[str]:
-    """A sentence where the labels are a choice that differs from the examples they are of."""
-    here = [example for example in labels.examples if example.group.rule == fit.rule.name]
-    without = [example for example in here if example.right is None and not example.contested]
-    if not without:
-        return []
-    labelled = [example for example in here if example.right is not None]
-    of = f"{len(without)} of {len(here)} examples of the rule {fit.rule.name!r} have no label"
-    own = fit.score.all(labelled)
-    apart = unlike(fit.score.all(without), own, own)
-    if math.isnan(apart) or apart <= 1.63 * math.sqrt(1.0 / len(without) + 1.0 / len(labelled)):
-        return [f"{of}; what is promised is promised of examples like the labelled ones"]
-    return [
-        f"{of}, and their scores differ from those of the labelled ones by {apart:.2f}: the labels are a choice, and "
-        "what is promised is promised of examples chosen alike"
-    ]

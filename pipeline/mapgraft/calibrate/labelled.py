@@ -39,7 +39,8 @@ class Labelled:
     ``numbers`` are those of the matcher's first hypothesis, and ``right`` says whether that is right, None where nobody
     knows; ``contested`` that persons disagree. ``unit`` is what can be taken for independent in its building: the same
     two robots who met again are one. Of a merge ``looks`` are what was seen of it, and ``right_later`` says whether it
-    lies right in the end; ``reverted`` that it was taken out, after which nobody looked.
+    lies right in the end; ``reverted`` that it was taken out, after which nobody looked, ``confirmed`` that it was and
+    stayed.
     """
 
     unit: tuple[str, ...]
@@ -53,6 +54,7 @@ class Labelled:
     looks: Sequence[Look] = ()
     right_later: bool | None = None
     reverted: bool = False
+    confirmed: bool = False
     quality: float | None = None
     overlap: float | None = None
 
@@ -148,6 +150,7 @@ def _add(labels: Labels, row: Mapping[str, Any], words: Mapping[str, str]) -> No
             looks=_looks(row.get("history") or ()) if merged else (),
             right_later=later if merged and not row["chosen"] else None,
             reverted=row["state"] == "reverted",
+            confirmed=row["state"] == "confirmed",
             quality=_lower(row.get("receiver_quality"), row.get("donor_quality")),
             overlap=row.get("truth_overlap") if row.get("truth_overlap") is not None else row.get("overlap"),
         )

@@ -21,6 +21,7 @@ class Rate:
     @classmethod
     def counted(cls, count: int, of: int, level: float = LEVEL) -> Rate:
         """The rate and its interval (C. J. Clopper and E. S. Pearson, Biometrika 26, 1934)."""
+        count, of = int(count), int(of)  # numbers of NumPy cannot be written as JSON
         if not 0 <= count <= of:
             raise ValueError(f"a rate counts some of all, found {count} of {of}")
         if of == 0:

@@ -13,6 +13,7 @@ from mapgraft.calibrate.labelled import Labelled
 from mapgraft.calibrate.regression import Vector, logistic
 from mapgraft.evaluation.statistics import area
 
+UNFITTED: Final = "score"  # the number to go by where there is nothing to fit
 MOST_TERMS: Final = 8  # more follow the buildings that they were fitted on
 _TELLS: Final = 0.6  # area under the curve from which a number is worth a term
 _ALIKE: Final = 0.98  # correlation from which two numbers are one

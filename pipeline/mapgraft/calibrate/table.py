@@ -12,7 +12,7 @@ from ruamel.yaml import YAML
 
 from mapgraft import __version__
 from mapgraft.calibrate.acceptance import Threshold
-from mapgraft.calibrate.fitting import SEQUENTIAL, Calibration, Fit, RuleFit
+from mapgraft.calibrate.fitting import Calibration, Fit, RuleFit
 from mapgraft.calibrate.scoring import Score
 from mapgraft.calibrate.watching import Limit
 from mapgraft.decision import Rule
@@ -66,8 +66,12 @@ def told(fit: Fit, rule_fit: RuleFit) -> list[str]:
     if fit.revert is not None and fit.confirm is not None:
         said.append(_of_revert(fit.revert, prior_reverts=fit.prior_reverts))
         said.append(_of_confirm(fit.confirm))
-    elif verify is not None and verify.use != SEQUENTIAL:
-        said.append(f"Its verifier {verify.use!r} keeps the limits it had: nothing is promised of them.")
+    elif verify is not None and fit.kept is not None:
+        reverted, confirmed = (rate.text for rate in fit.kept)
+        said.append(
+            f"Its verifier {verify.use!r} keeps the limits it had, of which nothing is promised: of the merges that "
+            f"were read, right and reverted {reverted}, wrong and confirmed {confirmed}."
+        )
     return said
 
 

@@ -26,7 +26,7 @@ from mapgraft.calibrate.scoring import Score
 Choose = Callable[[Sequence[Labelled]], tuple[Score, Sequence[Labelled]]]
 Verdict = Literal["guaranteed", "not refuted", "none"]
 DOUBT = 0.05  # a left-out building's rate that is so improbable under the bound refutes that it carries over
-_KOLMOGOROV = 1.63  # of two samples' distance that chance exceeds in 1 % of cases
+KOLMOGOROV = 1.63  # of two samples' distance that chance exceeds in 1 % of cases
 _LEAST = 30  # examples: fewer tell nothing of a distribution
 
 
@@ -141,7 +141,7 @@ def target_of(
         here = [example for example in meant if example.environment == name]
         scores = score.all(here)
         took = sum(value > limits.get(e.group, math.inf) for value, e in zip(scores.tolist(), here, strict=True))
-        chance = _KOLMOGOROV * math.sqrt(1.0 / len(here) + 1.0 / max(1, min(len(right), len(wrong))))
+        chance = KOLMOGOROV * math.sqrt(1.0 / len(here) + 1.0 / max(1, min(len(right), len(wrong))))
         strange = tuple(sorted({example.group.name for example in here if example.group not in known}))
         out.append(
             Target(name, len(here), Rate.counted(took, len(here)), unlike(scores, right, wrong), apart, chance, strange)
@@ -172,7 +172,7 @@ def judged(
     if by_buildings:
         return said("guaranteed", f"labels of {buildings} buildings are enough, if another is exchangeable with them")
     if buildings < 2:
-        return said("none", "labels are of one building only, which says nothing about another")
+        return said("none", "thresholds are set by labels of one building only, which say nothing about another")
     if len(asked) < 2:
         return said("none", "no two buildings have labels enough to be tested on each other")
     return said(

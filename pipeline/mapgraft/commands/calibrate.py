@@ -111,9 +111,9 @@ def show(calibration: Calibration, out: Path) -> None:
     asked, labels = calibration.asked, calibration.labels
     results().print(
         cell(
-            f"{len(labels.labelled)} labelled examples of {len(labels.buildings)} buildings "
-            f"({', '.join(labels.buildings)}); asked for: wrong merged {100 * asked.false_accept:g} %, wrong confirmed "
-            f"{100 * asked.false_confirm:g} %, right reverted {100 * asked.false_revert:g} %"
+            f"{len(labels.labelled)} labelled examples of {', '.join(labels.buildings)}; asked for: wrong merged "
+            f"{100 * asked.false_accept:g} %, wrong confirmed {100 * asked.false_confirm:g} %, right reverted "
+            f"{100 * asked.false_revert:g} %"
         )
     )
     for rule_fit in calibration.rules:

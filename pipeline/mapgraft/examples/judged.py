@@ -9,7 +9,7 @@ from typing import Any
 
 from mapgraft.contracts import Transform
 from mapgraft.examples.labels_csv import SAME_M, SAME_RAD
-from mapgraft.examples.reading import Word, transform_of
+from mapgraft.examples.reading import Word, put_at, transform_of
 from mapgraft.outputs.tables import Row
 
 
@@ -23,7 +23,9 @@ def judged(example: Mapping[str, Any], words: Sequence[Word]) -> Row:
     if label is None and words:
         label, by = _majority(words), "persons"
     if T is None and example["truth_by"] is None:
-        T = _place(words)
+        seen = transform_of(example["T_receiver_donor"])
+        poses = [pose for word in words if word.label != "unsure" and (pose := _pose(word)) is not None]
+        T = _place([put_at(seen, *pose) for pose in poses])
     return {
         "label": label,
         "label_by": by if label is not None else None,
@@ -39,9 +41,8 @@ def _majority(words: Sequence[Word]) -> str:
     return "right" if said["right"] > said["wrong"] else "wrong"
 
 
-def _place(words: Sequence[Word]) -> Transform | None:
-    """Where persons hold the donor's map to lie: the place in the middle of theirs; None where they contradict."""
-    given = [word.T_receiver_donor for word in words if word.T_receiver_donor is not None and word.label != "unsure"]
+def _place(given: Sequence[Transform]) -> Transform | None:
+    """Of the places where persons hold the donor's map to lie the one in the middle; None where they contradict."""
     apart = [[a.difference(b) for b in given] for a in given]
     if any(shift_m > SAME_M or abs(turn_rad) > SAME_RAD for row in apart for shift_m, turn_rad in row):
         return None
@@ -49,15 +50,21 @@ def _place(words: Sequence[Word]) -> Transform | None:
     return given[sums.index(min(sums))] if given else None
 
 
-def _told(word: Word) -> Row:
+def _pose(word: Word) -> tuple[float, float, float] | None:
+    """x, y and yaw of the transform that somebody holds for right; those that were published, where they were."""
     T = word.T_receiver_donor
+    return None if T is None else word.pose or (T.x_m, T.y_m, T.yaw_rad)
+
+
+def _told(word: Word) -> Row:
+    x_m, y_m, yaw_rad = _pose(word) or (None, None, None)
     return {
         "annotator": word.annotator,
         "label": word.label,
         "reason": word.comment or "",
-        "x_m": None if T is None else T.x_m,
-        "y_m": None if T is None else T.y_m,
-        "yaw_rad": None if T is None else T.yaw_rad,
+        "x_m": x_m,
+        "y_m": y_m,
+        "yaw_rad": yaw_rad,
         "labelled_at": word.said_ns,
         "elapsed_s": word.elapsed_s,
     }

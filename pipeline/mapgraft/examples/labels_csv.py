@@ -263,4 +263,4 @@ def _cells(word: Word, about: Mapping[str, Any]) -> list[str]:
 def _pose(T: Transform | None) -> list[str]:
     if T is None:
         return [""] * len(_POSE)
-    return [repr(float(value)) for value in (T.x_m, T.y_m, T.z_m, *T.quaternion_xyzw())]
+    return [repr(round(float(value), 12) + 0.0) for value in (T.x_m, T.y_m, T.z_m, *T.quaternion_xyzw())]  # no -0.0

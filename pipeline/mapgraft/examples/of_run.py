@@ -15,7 +15,7 @@ from mapgraft.contracts import Transform
 from mapgraft.errors import ConfigError
 from mapgraft.examples.collecting import Collector, Origin
 from mapgraft.examples.rows import examples_table
-from mapgraft.examples.truths import GIVEN, RECORDED, Known, Truths, inverted
+from mapgraft.examples.truths import GIVEN, RECORDED, Known, Truths, completed, inverted
 from mapgraft.outputs.provenance import RunProvenance
 from mapgraft.recording.naming import stem
 
@@ -64,7 +64,7 @@ def truths_of(
     """What is known of every ordered pair of robots; ``buildings`` are those that persons have named.
 
     Where recorded poses are trusted, robots of two buildings that were named do not belong together. What is given goes
-    before what was recorded.
+    before what was recorded, and what follows from several pairs is known, too.
     """
     truths: dict[tuple[str, str], Known] = {}
     pairs = [(receiver, donor) for receiver in robots for donor in robots if receiver != donor]
@@ -73,10 +73,9 @@ def truths_of(
             truths[receiver, donor] = Known(T_world_map[receiver].inverse() @ T_world_map[donor], RECORDED)
         elif receiver in buildings and donor in buildings and buildings[receiver] != buildings[donor]:
             truths[receiver, donor] = Known(None, RECORDED)
-    for pair, known in given_truths(config, robots).items():
-        truths[pair[::-1]] = inverted(known)
-        truths[pair] = known
-    return truths
+    given = dict(given_truths(config, robots))
+    given = {**{pair[::-1]: inverted(known) for pair, known in given.items()}, **given}
+    return {**completed(truths, robots), **completed(given, robots)}
 
 
 def given_truths(config: ExamplesConfig, robots: Sequence[str] | Mapping[str, str]) -> Truths:

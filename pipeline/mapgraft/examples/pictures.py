@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mapgraft.outputs.report.paintings import near
 from mapgraft.outputs.report.rasters import FREE, OCCUPIED, UNKNOWN, Canvas, Cells, Raster
 from mapgraft.pages import png
 
@@ -41,11 +42,8 @@ def map_png(cells: Cells, palette: NDArray[np.uint8]) -> bytes:
 
 def overlay_png(own: Cells, donor: Cells) -> bytes:
     """Two maps on each other as PNG; walls that lie within a cell of each other are walls of both."""
-    from scipy.ndimage import binary_dilation
-
     mine, theirs = own == OCCUPIED, donor == OCCUPIED
-    touching = np.ones((3, 3), np.bool_)
-    both = (mine & binary_dilation(theirs, touching)) | (theirs & binary_dilation(mine, touching))
+    both = (mine & near(theirs)) | (theirs & near(mine))
     painted = np.where((own == FREE) | (donor == FREE), FREE, UNKNOWN).astype(np.uint8)
     painted[mine], painted[theirs] = RECEIVER_ONLY, DONOR_ONLY
     painted[both] = BOTH

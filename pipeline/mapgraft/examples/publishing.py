@@ -28,7 +28,7 @@ from mapgraft_schemas import arrow_schema, table
 FORMAT: Final = "mapgraft dataset 1"
 _NAME: Final = "dataset"
 _DIGITS: Final = 32  # of a part's name: many runs have parts side by side
-_KNOWN_OF: Final = ("example_id", "truth", "truth_by", "truth_T")
+_KNOWN_OF: Final = ("example_id", "truth", "truth_by", "truth_T", "T_receiver_donor")
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from mapgraft.contracts import Transform
 from mapgraft.errors import UsageError
@@ -34,7 +35,8 @@ class Word:
     """What somebody said of an example: right, wrong, unsure or withdrawn.
 
     ``T_judged`` is the transform that was judged, ``T_receiver_donor`` the one the annotator holds for right; None
-    where none was given. ``said_ns`` is the annotator's clock.
+    where none was given. ``said_ns`` is the annotator's clock. ``pose`` is x, y and yaw of ``T_receiver_donor`` as they
+    were published: from the transform they come out a little rounded.
     """
 
     key: ExampleKey
@@ -45,6 +47,7 @@ class Word:
     comment: str
     said_ns: int
     elapsed_s: float | None
+    pose: tuple[float, float, float] | None = None
 
 
 class _Place(NamedTuple):
@@ -221,8 +224,9 @@ def published_words(folder: ExampleFolder) -> Iterator[Word]:
         judged = transform_of(row["T_receiver_donor"]) if row["labels"] else None
         for said in row["labels"] or ():
             key = ExampleKey(row["run_id"], row["example_id"])
-            held = None if said["x_m"] is None else put_at(judged, said["x_m"], said["y_m"], said["yaw_rad"])
-            what = (said["reason"], said["labelled_at"], said["elapsed_s"])
+            pose = None if said["x_m"] is None else (said["x_m"], said["y_m"], said["yaw_rad"])
+            held = None if pose is None else put_at(judged, *pose)
+            what = (said["reason"], said["labelled_at"], said["elapsed_s"], pose)
             yield Word(key, said["label"], said["annotator"], judged, held, *what)
 
 
@@ -251,7 +255,7 @@ def put_at(T_receiver_donor: Transform | None, x_m: float, y_m: float, yaw_rad: 
     return put @ was.inverse() @ T_receiver_donor
 
 
-def transform_of(flat: Sequence[float] | None) -> Transform | None:
+def transform_of(flat: Sequence[float] | NDArray[np.float64] | None) -> Transform | None:
     """A transform from 16 numbers, row by row; None where there are none, or NaN."""
     if flat is None or not np.isfinite(flat).all():
         return None

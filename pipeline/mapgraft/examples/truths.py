@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -36,6 +36,33 @@ def inverted(known: Known) -> Known:
     back = known.T_receiver_donor.inverse().matrix.copy()
     back[:3, 3] /= known.scale
     return Known(Transform(back), known.by, 1.0 / known.scale)
+
+
+def completed(truths: Truths, robots: Iterable[str]) -> Truths:
+    """With what follows for other pairs from a chain of known ones, the shortest; known pairs stay as they are."""
+    out = dict(truths)
+    names = sorted(robots)
+    for receiver in names:
+        reached: dict[str, Known] = {}
+        waiting = [(receiver, Known(Transform.identity(), GIVEN))]
+        while waiting:
+            via, known = waiting.pop(0)
+            for donor in names:
+                step = truths.get((via, donor))
+                if donor == receiver or donor in reached or step is None or step.T_receiver_donor is None:
+                    continue
+                reached[donor] = _chained(known, step)
+                waiting.append((donor, reached[donor]))
+        for donor, known in reached.items():
+            out.setdefault((receiver, donor), known)
+    return out
+
+
+def _chained(a: Known, b: Known) -> Known:
+    assert a.T_receiver_donor is not None and b.T_receiver_donor is not None
+    T = b.T_receiver_donor.matrix.copy()
+    T[:3, 3] *= a.scale
+    return Known(a.T_receiver_donor @ Transform(T), b.by, a.scale * b.scale)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -41,14 +41,16 @@ def window_of(own: Raster, donor: Raster, T_receiver_donor: Transform, scale: fl
     seen = joint if joint.any() else (mine != UNKNOWN) | (theirs != UNKNOWN)
     canvas = _canvas(_bounds_m(seen, whole), least_m=min(own.cell_m, scale * donor.cell_m))
     fine = Canvas(canvas.x_m, canvas.y_m, canvas.cell_m / 2.0, 2 * canvas.rows, 2 * canvas.columns)
-    return Window(
-        canvas,
-        canvas.cells_of(own),
-        placed(donor, canvas, T_receiver_donor, scale),
-        fine.cells_of(own),
-        placed(donor, fine, T_receiver_donor, scale),
-        int(np.count_nonzero(joint)) / max(1, smaller),
-    )
+    fine_own, fine_donor = fine.cells_of(own), placed(donor, fine, T_receiver_donor, scale)
+    overlap = int(np.count_nonzero(joint)) / max(1, smaller)
+    return Window(canvas, _halved(fine_own), _halved(fine_donor), fine_own, fine_donor, overlap)
+
+
+def _halved(cells: Cells) -> Cells:
+    """In cells twice as large: where several fall into one, the wall shows."""
+    rows, columns = cells.shape
+    out: Cells = cells.reshape(rows // 2, 2, columns // 2, 2).max(axis=(1, 3))
+    return out
 
 
 def placed(raster: Raster, canvas: Canvas, T_canvas_raster: Transform, scale: float = 1.0) -> Cells:

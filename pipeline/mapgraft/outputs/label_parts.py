@@ -46,7 +46,7 @@ class LabelParts:
                 continue
             self._looked[folder] = changed_ns, looked_ns
             seen = self._seen.setdefault(folder, set())
-            while unseen := [path for path in _parts(folder) if path.name not in seen]:  # parts may move meanwhile
+            while unseen := _unseen(folder, seen):  # again: words may move to another part while they are read
                 for path in unseen:
                     rows = self._read(path)
                     seen.add(path.name)
@@ -89,6 +89,15 @@ def gather(out: Path, run_id: str, at_least: int = MANY) -> bool:
 def _run_folders(out: Path) -> list[Path]:
     found = sorted((out / NAME).glob("run_id=*"))
     return [folder for folder in found if is_run_id(_run_id(folder)) and folder.is_dir()]
+
+
+def _unseen(folder: Path, seen: set[str]) -> list[Path]:
+    """Parts with other names, from a listing during which the folder did not change: else it may lack some."""
+    while True:
+        changed_ns = folder.stat().st_mtime_ns
+        unseen = [path for path in _parts(folder) if path.name not in seen]
+        if unseen or folder.stat().st_mtime_ns == changed_ns:
+            return unseen
 
 
 def _run_id(folder: Path) -> str:

@@ -1,4 +1,4 @@
-"""A real browser, and the server as ``mapgraft annotate`` starts it."""
+"""A real browser, and the server: in a thread, or as ``mapgraft annotate`` starts it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -15,46 +16,57 @@ from typing import Any
 import pytest
 from toy_examples import write_toys
 
+from mapgraft.annotate.app import application
+from mapgraft.annotate.desk import Desk
+from mapgraft.annotate.opened import open_folders
+from mapgraft.annotate.security import new_token
+from mapgraft.annotate.serving import address_of, doors_of, listen, server_of
+
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 OPTIONS = [
     *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"),
     *("--disable-component-update", "--disable-sync"),
 ]
 EXAMPLES = 160
-_ADDRESS = re.compile(r"http://\S+/")
 
 
 class Server:
+    """The server in a thread of the tests."""
+
+    def __init__(self, *folders: Path) -> None:
+        listening, token = listen("127.0.0.1", 0), new_token()
+        self.address = address_of(listening, token)
+        self._server = server_of(application(Desk(open_folders(folders)), token, doors_of("127.0.0.1", listening)))
+        self._thread = threading.Thread(target=self._server.run, kwargs={"sockets": [listening]}, daemon=True)
+        self._thread.start()
+
+    def end(self) -> None:
+        self._server.should_exit = True
+        self._thread.join(30)
+
+
+class Command:
     """``mapgraft annotate`` in a process of its own, as a person starts it."""
 
-    def __init__(self, *folders: Path, options: tuple[str, ...] = ()) -> None:
-        self.folders = folders
-        self._options = options
+    def __init__(self, *folders: Path) -> None:
+        self._folders = folders
         self.start()
 
     def start(self) -> None:
-        command = [
-            sys.executable,
-            "-m",
-            "mapgraft",
-            "annotate",
-            *map(str, self.folders),
-            "--no-browser",
-            *self._options,
-        ]
-        pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
-        self.process = subprocess.Popen(command, **pipes)
-        assert self.process.stdout is not None
-        found = next(filter(None, map(_ADDRESS.search, self.process.stdout)), None)
+        command = [sys.executable, "-m", "mapgraft", "annotate", *map(str, self._folders), "--no-browser"]
+        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        assert self._process.stdout is not None
+        found = next(filter(None, map(re.compile(r"http://\S+/").search, self._process.stdout)), None)
         if found is None:
             raise RuntimeError(f"{' '.join(command)} printed no address")
         self.address = found.group()
 
     def end(self, how: signal.Signals = signal.SIGTERM) -> None:
-        self.process.send_signal(how)
-        self.process.wait(30)
-        assert self.process.stdout is not None
-        self.process.stdout.close()
+        if self._process.poll() is None:
+            self._process.send_signal(how)
+        self._process.wait(30)
+        assert self._process.stdout is not None
+        self._process.stdout.close()
 
 
 @pytest.fixture(scope="session")
@@ -94,14 +106,27 @@ def start(chromium: Any) -> Iterator[Callable[..., Server]]:
     """Starts servers of a test's own, which end with the test."""
     running: list[Server] = []
 
-    def begin(*folders: Path, options: tuple[str, ...] = ()) -> Server:
-        running.append(Server(*folders, options=options))
+    def begin(*folders: Path) -> Server:
+        running.append(Server(*folders))
         return running[-1]
 
     yield begin
     for one in running:
-        if one.process.poll() is None:
-            one.end()
+        one.end()
+
+
+@pytest.fixture
+def command(chromium: Any) -> Iterator[Callable[..., Command]]:
+    """Starts the command itself, which may be killed and started again."""
+    running: list[Command] = []
+
+    def begin(*folders: Path) -> Command:
+        running.append(Command(*folders))
+        return running[-1]
+
+    yield begin
+    for one in running:
+        one.end()
 
 
 @pytest.fixture
@@ -114,7 +139,7 @@ def visit(chromium: Any, request: pytest.FixtureRequest) -> Iterator[Callable[..
     contexts: list[Any] = []
     complaints: list[str] = []
 
-    def open_page(server: Server, name: str = request.node.name[:60], **options: Any) -> Any:
+    def open_page(server: Server | Command, name: str = request.node.name[:60], **options: Any) -> Any:
         context = chromium.new_context(**{"viewport": {"width": 1280, "height": 800}, **options})
         context.set_default_timeout(20_000)
         contexts.append(context)

@@ -173,6 +173,18 @@ def blend(ink: Sequence[float], ground: Sequence[float], seen: float) -> np.ndar
 
 
 @pytest.mark.parametrize("width", WIDTHS)
+def test_the_first_page_asks_for_a_name(server: Any, chromium: Any, width: int) -> None:
+    page = chromium.new_context(viewport=WIDTHS[width], color_scheme="dark").new_page()
+    page.goto(server.address)
+    texts = page.evaluate(TEXTS)
+    assert [text for text, ink, ground, seen in texts if contrast(blend(ink, ground, seen), ground) < 4.5] == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.get_by_label("Your name").bounding_box()["height"] >= TARGET_PX
+    assert page.get_by_role("button", name="Begin").is_visible()
+    page.context.close()
+
+
+@pytest.mark.parametrize("width", WIDTHS)
 def test_everything_has_a_name_and_fingers_hit_it(server: Any, visit: Any, width: int) -> None:
     page = visit(server, f"naming-{width}", viewport=WIDTHS[width], has_touch=width < 400)
     found = page.evaluate(OPERATED)
@@ -221,6 +233,8 @@ def test_focus_is_seen_and_what_comes_next_is_said(server: Any, visit: Any) -> N
     page.wait_for_function(EXPECTED, arg="What they say of each other")
     page.keyboard.press("i")
     assert "Both know" in page.locator("#words").inner_text()
+    page.keyboard.press("ArrowLeft")
+    assert page.locator("#words").inner_text() == ""  # it was about where the map lay
 
 
 EXPECTED = "words => document.getElementById('said').textContent.includes(words)"

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
+from toy_examples import write_toys
 
 from mapgraft.contracts import Transform
 from mapgraft.examples import ExampleFolder, Word
@@ -228,6 +232,55 @@ def test_shift_drag_turns_and_panning_moves_the_view_only(server: Any, visit: An
     zoomed = settled(page)
     assert np.ptp(zoomed.outline[:, 0]) > 1.3 * np.ptp(after.outline[:, 0])
     assert zoomed.seen().difference(turned.seen())[0] < 1e-6
+
+
+def test_another_proposed_place_can_be_called_right(tmp_path: Path, start: Callable[..., Any], visit: Any) -> None:
+    write_toys(tmp_path, 1)
+    there = {"x_m": 1.5, "y_m": -2.0, "yaw_rad": 0.75, "scale": 1.0, "score": 1.0}
+    rewrite(tmp_path, hypotheses=lambda old: [*old, there])
+    page = visit(start(tmp_path), "choosing")
+    assert page.get_by_role("group", name="Proposed places").get_by_role("button").count() == 2
+    page.keyboard.press("2")
+    assert page.locator("#pose").inner_text().startswith("x 1.50 m, y -2.00 m, 43.0°")
+    assert "where it lies now" in page.locator("#right").inner_text()
+    page.keyboard.press("r")
+    page.locator("#example.done").wait_for()
+    word = last_word(tmp_path, "choosing")
+    assert word.label == "wrong"  # what is judged is what the robot held for best
+    assert word.T_receiver_donor is not None
+    assert np.allclose(word.T_receiver_donor.matrix, Transform.planar(1.5, -2.0, 0.75).matrix)
+
+
+def test_where_nothing_was_proposed_a_place_is_asked_for(tmp_path: Path, start: Callable[..., Any], visit: Any) -> None:
+    write_toys(tmp_path, 2)
+    nowhere = dict.fromkeys(("x_m", "y_m", "yaw_rad", "score", "margin"), lambda _old: None)
+    matrix = {"T_receiver_donor": lambda _old: [math.nan] * 16}
+    rewrite(tmp_path, hypotheses=lambda _old: [], **matrix, **nowhere)
+    page = visit(start(tmp_path), "nowhere")
+    assert page.locator("#question").inner_text() == "Where does beta’s map belong on alpha’s?"
+    assert "nothing was proposed" in page.locator("#pose").inner_text()
+    x_m, y_m = (float(word) for word in re.findall(r"(-?[\d.]+) m", page.locator("#pose").inner_text())[:2])
+    page.keyboard.press("Shift+ArrowRight")
+    step = json.loads(page.locator("#example").get_attribute("data-places"))["step_m"]
+    answer(page, "r")
+    word = last_word(tmp_path, "nowhere")
+    assert word.label == "right"
+    assert word.T_receiver_donor is not None
+    assert (word.T_receiver_donor.x_m, word.T_receiver_donor.y_m) == pytest.approx((x_m + 10 * step, y_m), abs=0.006)
+    page.keyboard.press("w")
+    page.locator("#example.done").wait_for()
+    assert (last_word(tmp_path, "nowhere").label, last_word(tmp_path, "nowhere").T_receiver_donor) == ("wrong", None)
+
+
+def rewrite(folder: Path, **columns: Callable[[Any], Any]) -> None:
+    """Write the examples again with other values in some columns."""
+    (path,) = (folder / "examples").glob("run_id=*/part-*.parquet")
+    table = pq.ParquetFile(path).read()
+    for name, change in columns.items():
+        at = table.schema.get_field_index(name)
+        values = pa.array([change(old) for old in table[name].to_pylist()], table.schema.field(at).type)
+        table = table.set_column(at, table.schema.field(at), values)
+    pq.write_table(table, path)
 
 
 def test_one_finger_moves_and_two_turn_and_zoom(server: Any, visit: Any) -> None:

@@ -53,8 +53,8 @@ def test_two_annotators_answer_at_once(folder: Path, start: Callable[..., Any], 
     assert "κ" in sheet
 
 
-def test_no_answer_is_lost_when_the_server_is_killed(folder: Path, start: Callable[..., Any], visit: Any) -> None:
-    server = start(folder)
+def test_no_answer_is_lost_when_the_server_is_killed(folder: Path, command: Callable[..., Any], visit: Any) -> None:
+    server = command(folder)
     page = visit(server, "Clara")
     judged = [answered(page, key) for key in "rwu"]
     server.end(signal.SIGKILL)
@@ -86,14 +86,14 @@ def test_the_end_of_the_queue_is_told_and_can_be_undone(tmp_path: Path, start: C
     first = answered(page, "r")
     last = page.locator("#stage").get_attribute("data-shown")
     page.keyboard.press("w")
-    page.get_by_text("You have answered every example").wait_for()
+    page.locator("#example.done").wait_for()
     assert not page.locator("#stage").is_visible()
     assert page.locator("#question").inner_text() == "All answered"
     page.keyboard.press("z")
     page.wait_for_selector(f"#stage[data-shown='{last}']:not([aria-busy])")
     assert page.locator("#stage").is_visible()
     page.keyboard.press("u")
-    page.get_by_text("You have answered every example").wait_for()
+    page.locator("#example.done").wait_for()
     assert [label for _, _, label in said(tmp_path)] == ["right", "wrong", "withdrawn", "unsure"]
     assert first != int(last)
 

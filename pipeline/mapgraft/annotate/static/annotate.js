@@ -3,20 +3,27 @@
 import { inWords, middle } from "./facts.js";
 import { gestures } from "./gestures.js";
 import { listen } from "./keys.js";
+import { createLooks } from "./looks.js";
+import { keep, kept } from "./memory.js";
 import { picture } from "./pictures.js";
 import { degrees, moved, radians, turned } from "./pose.js";
 import { createStage } from "./stage.js";
 import { said } from "./voice.js";
 
 const TURN_DEG = 0.5; // of one press
-const BLINK_MS = 900;
 const $ = (id) => document.getElementById(id);
 const box = $("stage");
 const stage = createStage(box, $("maps"), $("marks"), posed);
-const speak = said($("said"));
-const left = new Map(); // n → what was on the page when it was answered, for undo
 let shown = null; // the example on the page; ready: its maps can be seen
-let [viewMode, blinking] = [false, 0];
+const speak = said($("said"));
+const looks = createLooks(stage, box, {
+  chip: $("alone"),
+  blinker: $("blink"),
+  name: (whose) => shown?.names[whose] ?? null,
+  speak: (sentence) => shown?.ready && speak(sentence),
+});
+const left = new Map(); // n → what was on the page when it was answered, for undo
+let viewMode = false;
 let [acted, asked] = [0, 0]; // when a key or button was pressed last; when one that asks the server was
 let judged = null; // the example whose answer was saved, until it is told what the robot had made of it
 let news = ""; // what was saved or undone, told together with what comes next
@@ -60,6 +67,7 @@ async function fetchMaps(example, before) {
 
 function arrived(example) {
   pressPicked();
+  looks.tell();
   posed();
   const since = asked;
   requestAnimationFrame(() => setTimeout(() => painted(since)));
@@ -101,6 +109,7 @@ function posed() {
   const far = from !== null && (from.metres > shown.tolerance_m || from.degrees > shown.tolerance_deg);
   shown.verdict = { far, moved: first === null || from.metres > 1e-6 || from.degrees > 1e-6 };
   $("pose").textContent = poseWords(from);
+  $("words").textContent = ""; // was true where the map lay
   const note = $("as-right");
   if (note) note.textContent = first === null || far ? "where it lies now" : shown.verdict.moved ? "place refined" : "";
   const reset = $("reset");
@@ -135,10 +144,10 @@ const actions = {
   unsure: () => press("unsure"),
   undo: () => press("undo"),
   skip: () => press("skip"),
-  overlay: () => look("overlay"),
-  swap: () => look("swap"),
-  difference: () => look(stage.how.mode === "difference" ? "overlay" : "difference"),
-  blink: () => blink(!blinking),
+  overlay: () => looks.look("overlay"),
+  swap: () => looks.look("swap"),
+  difference: () => looks.look(stage.how.mode === "difference" ? "overlay" : "difference"),
+  blink: looks.blink,
   view: () => setViewMode(!viewMode),
   help: () => $("help").showModal(),
   note: () => $("note")?.focus(),
@@ -183,40 +192,6 @@ let telling = 0;
 function tellPose() {
   clearTimeout(telling);
   telling = setTimeout(() => speak($("pose").textContent), 350); // when the keys have come to rest
-}
-
-function look(mode) {
-  const { alone, mode: before } = stage.how;
-  const next = mode === "swap" && before === "swap" ? (alone === "own" ? "donor" : "own") : alone;
-  if (mode !== "swap") stopBlinking();
-  stage.setHow({ mode, alone: mode === "swap" ? next : "own" });
-  tellLook();
-  keep("look", mode === "swap" ? "overlay" : mode);
-}
-
-function tellLook() {
-  const { mode, alone } = stage.how;
-  box.dataset.mode = mode;
-  for (const button of document.querySelectorAll("[data-look]")) button.setAttribute("aria-pressed", String(button.dataset.look === mode));
-  $("alone").textContent = mode === "swap" && shown ? `only ${shown.names[alone]}` : "";
-  if (!blinking) speak({ overlay: "Both maps on each other", difference: "What they say of each other", swap: $("alone").textContent }[mode]);
-}
-
-function blink(on) {
-  if (!on || matchMedia("(prefers-reduced-motion: reduce)").matches) {
-    stopBlinking();
-    if (on) look("swap"); // nothing moves by itself: one press, one change
-    return;
-  }
-  look("swap");
-  blinking = setInterval(() => look("swap"), BLINK_MS);
-  $("blink").setAttribute("aria-pressed", "true");
-}
-
-function stopBlinking() {
-  clearInterval(blinking);
-  blinking = 0;
-  $("blink").setAttribute("aria-pressed", "false");
 }
 
 function setViewMode(on) {
@@ -289,21 +264,6 @@ document.addEventListener("htmx:load", (event) => event.detail.elt.id === "examp
 document.addEventListener("htmx:sendError", () => fail("Not saved: the server does not answer. Start it again, and open the address it prints; all earlier answers are kept."));
 document.addEventListener("htmx:responseError", (event) => fail(`Not done: ${event.detail.xhr.responseText || event.detail.xhr.status}`));
 
-const kept = (name) => {
-  try {
-    return localStorage.getItem(`mapgraft.${name}`);
-  } catch {
-    return null; // storage is switched off
-  }
-};
-function keep(name, value) {
-  try {
-    localStorage.setItem(`mapgraft.${name}`, value);
-  } catch {
-    // it is chosen anew on the next visit
-  }
-}
-
 $("opacity").addEventListener("input", (event) => {
   stage.setHow({ opacity: event.target.value / 100 });
   event.target.setAttribute("aria-valuetext", `${event.target.value} percent`);
@@ -312,5 +272,4 @@ $("one-key").checked = kept("one-key") !== "off";
 $("one-key").addEventListener("change", (event) => keep("one-key", event.target.checked ? "on" : "off"));
 gestures(stage, box, { handle: $("handle"), viewMode: () => viewMode, cell: step, say: dropped });
 listen(actions, { oneKey: () => $("one-key").checked, open: () => $("help").open });
-if (kept("look") === "difference") look("difference");
 arrive();

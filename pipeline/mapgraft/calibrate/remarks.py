@@ -1,0 +1,60 @@
+"""Sentences on what is doubtful about labels: disagreement, contradiction, and labels that are a choice."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from mapgraft.calibrate.labelled import Labels
+from mapgraft.calibrate.scoring import UNFITTED, Score, single
+from mapgraft.calibrate.transfer import KOLMOGOROV, unlike
+from mapgraft.decision import Rule
+
+
+def remarks(
+    labels: Labels, told: Sequence[str], by_name: Mapping[str, Rule], scores: Sequence[tuple[str, Score]]
+) -> list[str]:
+    """What there is to say of labels; ``told`` names the rules they are of, ``scores`` what their thresholds are set
+    on."""
+    counts, said = labels.counts, []
+    if unknown := [name for name in told if name not in by_name]:
+        said.append(f"labels of rules that the decision table does not have were left out: {', '.join(unknown)}")
+    if counts["persons disagree"]:
+        said.append(
+            f"of {counts['persons disagree']} examples persons disagree whether they are right: they count as wrong "
+            "where that raises a threshold, and are left out otherwise"
+        )
+    if counts["a person contradicts the truth"]:
+        said.append(f"persons contradict the truth of {counts['a person contradicts the truth']} examples: it was kept")
+    if counts["held back for testing"]:
+        said.append(f"{counts['held back for testing']} examples that the dataset holds back for testing were not read")
+    if judged_other := counts["another than the first hypothesis was judged"]:
+        said.append(
+            f"of {judged_other} examples another than the first hypothesis was judged: where that was right the "
+            "first was wrong, where it was wrong nobody knows"
+        )
+    for rule, score in scores:
+        if score == single(UNFITTED):
+            said.append(
+                f"no score of {rule!r} could be fitted on buildings of its own: thresholds are set on the matcher's own"
+            )
+        said += _selected(labels, rule, score)
+    return said
+
+
+def _selected(labels: Labels, rule: str, score: Score) -> list[str]:
+    """A sentence where the labels are a choice that differs from the examples they are of."""
+    here = [example for example in labels.examples if example.group.rule == rule]
+    without = [example for example in here if example.right is None and not example.contested]
+    if not without:
+        return []
+    labelled = [example for example in here if example.right is not None]
+    of = f"{len(without)} of {len(here)} examples of the rule {rule!r} have no label"
+    own = score.all(labelled)
+    apart = unlike(score.all(without), own, own)
+    if math.isnan(apart) or apart <= KOLMOGOROV * math.sqrt(1.0 / len(without) + 1.0 / len(labelled)):
+        return [f"{of}; what is promised is promised of examples like the labelled ones"]
+    return [
+        f"{of}, and their scores differ from those of the labelled ones by {apart:.2f}: the labels are a choice, and "
+        "what is promised is promised of examples chosen alike"
+    ]
