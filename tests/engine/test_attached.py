@@ -143,6 +143,25 @@ def test_what_was_found_before_a_correction_leads_nowhere_until_it_is_found_agai
     assert list(told(memory))[4:] == [("attached", "bravo")]
 
 
+def test_what_is_attached_of_a_corrected_map_is_tested_from_the_start(apart, hear):
+    memory, robots = apart()
+    alpha, charlie = robots["alpha"], robots["charlie"]
+    hold(robots, "alpha", "bravo", "charlie")
+    alpha.claims.join([claim(B, A), claim(C, B)])
+    alpha.heard(1)
+    alpha.observe(hear("alpha", 0, stamp_ns=2))
+    merge = alpha.standing.attached[C]
+    assert merge.observations == 1 and merge.corrections == (0, 0)
+    charlie.own.corrections += 1
+    charlie.observe(hear("charlie", 0, stamp_ns=3))
+    hold(robots, "alpha", "charlie")
+    alpha.claims.add(claim(C, B, corrections=(1, 0)))
+    alpha.heard(4)
+    assert alpha.standing.attached[C] is merge
+    assert merge.observations == 0 and merge.corrections == (0, 1) and len(merge.stood) == 1
+    assert list(told(memory))[-1] == ("reattached", "charlie")
+
+
 def test_who_merges_at_first_hand_counts_the_source_once(play):
     """Bravo has confirmed alpha, alpha has not merged bravo; then it does."""
     rules = [dict(RULE, accept={"use": "first_one", "least": 5, "metrics": ["disagreement"]})]

@@ -166,8 +166,13 @@ def _solved(problem: Problem, margin: float) -> tuple[Solution, Mapping[int, Sol
     A part that has not changed since is not searched again.
     """
     best = solve(problem)
+    while True:
+        spared = _spared(problem, best, margin)
+        better = min(spared.values(), key=lambda other: other.cost, default=best)
+        if best.exact or better.cost >= best.cost:
+            break
+        best = better  # the first search was cut short
     needed = _needed(problem, best)  # what else is known of a claim by itself is its verifier's affair
-    spared = _spared(problem, best, margin)
     return best, {at: other for at, other in spared.items() if at not in best.wrong or at in needed}
 
 
@@ -181,11 +186,20 @@ def _needed(problem: Problem, best: Solution) -> set[int]:
     return {at for at in best.wrong if needed >> at & 1}
 
 
+def _sparing(problem: Problem, at: int, below: float, most_work: int) -> Solution:
+    """The best explanation in which a claim is right, if it is cheap enough; where that cannot be found out in time,
+    the best that can."""
+    found = solve(problem, (at,), below, most_work)
+    if math.isfinite(found.cost) or found.exact:
+        return found
+    return solve(problem, (at,), math.inf, most_work)
+
+
 def _spared(problem: Problem, best: Solution, margin: float) -> dict[int, Solution]:
     """Each claim that is wrong by the best explanation → the best one in which it is right; where that is worse by less
     than the margin, so are those that are then wrong instead, and what would be wrong in their stead."""
     below, share = best.cost + margin, MOST_WORK // max(1, len(best.wrong))
-    out = {at: solve(problem, (at,), below, share) for at in best.wrong}
+    out = {at: _sparing(problem, at, below, share) for at in best.wrong}
     doubtful = {at for at, other in out.items() if other.cost < below}
     waiting = [out[at] for at in sorted(doubtful)]
     while waiting:

@@ -94,8 +94,7 @@ class _Search:
             return []
         unhit = [(mask & undecided, count) for mask, count in self.broken if not mask & wrong]
         if not unhit and (open_ones := self.improbable & undecided):
-            chosen = open_ones & -open_ones
-            return [(wrong | chosen, right), (wrong, right | chosen)]
+            return self._judged(wrong, right, open_ones & -open_ones)
         if not unhit:
             settled = self.cost(wrong, 0)
             if settled < self.best_cost:
@@ -106,6 +105,30 @@ class _Search:
         chosen = 1 << self._choose(unhit)
         into_wrong = (wrong | chosen, right)
         return [into_wrong] if any(mask == chosen for mask, _ in unhit) else [into_wrong, (wrong, right | chosen)]
+
+    def _judged(self, wrong: int, right: int, chosen: int) -> list[tuple[int, int]]:
+        """No loop needs it, but the claim is improbable by itself: is it worth what closed loops say for it?"""
+        at, problem = chosen.bit_length() - 1, self.problem
+        touched = [(mask & wrong, count) for mask, count in self.closed if mask & chosen]
+        alone = sum(count for hit, count in touched if not hit)
+        eased = sum(count for hit, count in touched if hit and not hit & (hit - 1))
+        gain = problem.penalties[at] - problem.costs[at]
+        least = min(problem.by_chance, problem.by_alias)
+        if gain >= alone * max(problem.by_chance, problem.by_alias):
+            return [(wrong | chosen, right)]
+        if gain + eased * max(0.0, problem.by_chance - problem.by_alias) <= alone * least:
+            return [(wrong, right | chosen)]
+        return [(wrong | chosen, right), (wrong, right | chosen)]
+
+    def polish(self, right: int) -> None:
+        """Spare every claim without which what was found is no worse; needed where the search was cut short."""
+        improved = True
+        while improved:
+            improved = False
+            for at in _bits(self.best & ~right):
+                without = self.best & ~(1 << at)
+                if all(mask & without for mask, _ in self.broken) and self.cost(without, 0) < self.best_cost:
+                    self.best, self.best_cost, improved = without, self.cost(without, 0), True
 
     def _deeper(self, wrong: int, right: int, undecided: int) -> list[tuple[int, int]]:
         """Every broken loop is hit; one more wrong claim may still explain closed loops better, as an alias."""
@@ -151,7 +174,10 @@ def solve(
     """
     search = _Search(problem, _counted(problem.broken), _counted(problem.closed), below)
     search.improbable = problem.improbable
-    search.run(sum(1 << at for at in set(right)), most_work)
+    decided = sum(1 << at for at in set(right))
+    search.run(decided, most_work)
+    if search.found and not search.exact:
+        search.polish(decided)
     if not search.found:
         return Solution((), math.inf, search.exact)
     return Solution(tuple(_bits(search.best)), search.best_cost, search.exact)
