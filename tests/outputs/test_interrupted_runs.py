@@ -90,7 +90,7 @@ def test_a_run_hands_its_folder_to_nobody_who_does_not_close_it(tmp_path: Path) 
     lines, found = run(tmp_path / "undisturbed"), []
     source = Path(job.__file__).read_text().splitlines()
     first = next(n for n, (_, line) in enumerate(lines) if "_output(" in source[line - 1])
-    for n, line in enumerate(lines[first : first + 12]):
+    for n, line in enumerate(lines[first : first + 18]):
         folder = tmp_path / f"{n:02d}"
         with pytest.raises(KeyboardInterrupt):
             run(folder, line)

@@ -29,7 +29,7 @@ def document(evaluation: Evaluation, provenance: RunProvenance) -> dict[str, Any
             "plugins": dict(sorted(provenance.plugins.items())),
             "parameters": parameters_of(bench),
             "config": provenance.config_text,
-            "files": [dataclasses.asdict(file) for file in provenance.inputs],
+            "files": [file.told for file in provenance.inputs],
             "robots": [
                 {
                     "robot": course.robot,

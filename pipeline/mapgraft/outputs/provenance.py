@@ -29,6 +29,12 @@ class InputFile:
         """Equal for equal contents, as far as these are known."""
         return self.sha256 or f"etag {self.etag} {self.size_bytes}"
 
+    @property
+    def told(self) -> dict[str, str | int]:
+        """The file as documents tell of it: path, digest and size, and the etag where it has one."""
+        known: dict[str, str | int] = {"path": self.path, "sha256": self.sha256, "size_bytes": self.size_bytes}
+        return known | ({"etag": self.etag} if self.etag else {})
+
 
 @dataclass(frozen=True, slots=True)
 class RunProvenance:
@@ -56,13 +62,7 @@ class RunProvenance:
             "plugins": json.dumps(dict(sorted(self.plugins.items()))),
             "config_sha256": _digest(self.config_text),
             "decision_table_sha256": _digest(self.decision_table_text),
-            "inputs": json.dumps(
-                [
-                    {"path": i.path, "sha256": i.sha256, "size_bytes": i.size_bytes}
-                    | ({"etag": i.etag} if i.etag else {})
-                    for i in self.inputs
-                ]
-            ),
+            "inputs": json.dumps([file.told for file in self.inputs]),
             "host": self.host,
             "started_at": self.started_at.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
         }

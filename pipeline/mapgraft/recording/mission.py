@@ -98,7 +98,7 @@ class Mission:
         self._faults = ReadFaults()
         names = [*(file.name for file in roster.map_files), *(plan.name for plan in roster.plans)]
         self._order = {name: k for k, name in enumerate(names)}  # both are sorted
-        self._shifts = shifts(self._plans, self._config.start)
+        self._shifts = shifts({plan.name: plan.range for plan in self._plans}, self._config.start)
         self._anchors = {plan.name: self._anchor(plan) for plan in self._plans if plan.anchored}
         self.T_world_map: Mapping[str, Transform] = {
             name: to_transform(pose) for name, pose in known_world(self._plans, self._anchors).items()

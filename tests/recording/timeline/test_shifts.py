@@ -68,5 +68,10 @@ def test_two_windows_of_one_log_only_touch():
     assert shifts({"a": Range(0, 676 * S), "b": Range(676 * S - S // 2, 1200 * S)}, "aligned")["b"] == S // 2 - 676 * S
 
 
+def test_the_lives_of_one_robot_are_moved_together():
+    lives = {"a": Range(0, 10 * S), "a~2": Range(30 * S, 40 * S), "b": Range(100 * S, 110 * S)}
+    assert shifts(lives, "aligned") == {"a": 0, "a~2": 0, "b": -100 * S}
+
+
 def test_no_robots():
     assert shifts({}, "aligned") == {}

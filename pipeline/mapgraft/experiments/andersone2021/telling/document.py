@@ -57,7 +57,7 @@ def document(
             "plugins": dict(sorted(provenance.plugins.items())),
             "config": provenance.config_text,
             "decision_table": provenance.decision_table_text,
-            "files": [dataclasses.asdict(file) | {"path": Path(file.path).name} for file in provenance.inputs],
+            "files": [file.told | {"path": Path(file.path).name} for file in provenance.inputs],
             "why": why,
             "settings": _settings(experiment),
             "choices": [dataclasses.asdict(choice) for choice in choices(experiment)],
