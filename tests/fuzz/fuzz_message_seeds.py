@@ -62,6 +62,7 @@ def _said() -> Iterator[bytes]:
             Want(copy, 2, b"writer-1", False, {b"part": 2}),
             Parts(copy, 0, held.whole, 0, 1, tuple(held.pieces(0, {}, False))),
             Parts(copy, 1, held.whole, 0, 1, tuple(held.pieces(1, {}, False))),
+            Parts(copy, 3, held.whole, 0, 1, tuple(held.pieces(3, {}, True))),
             Parts(copy, 1, reason="there is none"),
             Namesake(a, b"writer-1"),
         )
@@ -75,7 +76,7 @@ def _said() -> Iterator[bytes]:
         for at in range(1, min(len(inner), 40)):
             yield b"w" + inner[:at] + b"\xff\xff\xff\x7f" + inner[at + 1 :]
     for one in messages:
-        for other in messages[-4:-1]:
+        for other in messages[-5:-1]:
             inner = one[len(MAGIC) : -8]
             yield b"t" + len(inner).to_bytes(2, "little") + inner + other[len(MAGIC) : -8]
     yield from (b"s" + data for data in told)

@@ -185,6 +185,14 @@ def cost_of(problem: Problem, wrong: set[int]) -> float:
     return total
 
 
+def test_two_improbable_claims_are_wrong_together() -> None:
+    """Each alone is not worth what the loop that they share says for it."""
+    problem = Problem((2.0, 0.1, 0.1, 0.1, 0.1, 0.1), (), (0b100001,), 7.0, 2.0, (4.0, 0.0, 0.0, 0.0, 0.0, 0.5))
+    found = solve(problem)
+    assert (found.wrong, found.exact) == ((0, 5), True)
+    assert found.cost == pytest.approx(4.1)
+
+
 @given(st.data())
 @settings(max_examples=150, deadline=None)
 def test_the_search_finds_what_trying_everything_finds(data) -> None:

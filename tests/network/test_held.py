@@ -79,6 +79,59 @@ def test_who_holds_it_passes_it_on_exactly(history):
     assert contents(last) == history[-1] and last.whole == source.whole
 
 
+def test_who_never_heard_of_a_part_tells_that_it_is_gone():
+    """The late one took version 2 in from nothing: it has no tombstone for b, and cannot have one."""
+    source, early, late = published({b"a": b"1", b"b": b"1", b"c": b"1"}), Held(), Held()
+    deliver(source, early)
+    source.publish(W, b"offer 2", 2, "parts", {b"a": b"2", b"c": b"1"})
+    deliver(source, late)
+    a, b, c = (name + b"\0\0" for name in (b"a", b"b", b"c"))
+    assert b not in late.parts
+    assert deliver(late, early) == "incomplete"  # what has changed does not tell what has not
+    early.start_anew()
+    pieces = tuple(late.pieces(1, {}, True))
+    assert [(piece.name, piece.change) for piece in pieces] == [(a, "whole"), (c, "kept")]
+    assert early.take(late.whole, pieces[:1]) == "incomplete" and early.parts[b].packed is not None
+    assert early.take(late.whole, pieces[1:]) == "complete"  # in however many messages
+    assert contents(early) == {b"a": b"2", b"c": b"1"} and early.whole == source.whole
+    assert early.parts[b].version == 2 and early.parts[b].packed is None
+    assert [piece for piece in early.pieces(1, {}, False) if piece.change == "gone"] == [Piece(b, 2, "gone")]
+
+
+def test_the_newest_version_is_not_cut_down_to_an_older_one():
+    """Part of version 3 is here already when all that is live in version 2 is named."""
+    source, early, late = published({b"a": b"1", b"b": b"1"}), Held(), Held()
+    deliver(source, early)
+    source.publish(W, b"offer 2", 2, "parts", {b"a": b"1"})
+    deliver(source, late)
+    source.publish(W, b"offer 3", 3, "parts", {b"a": b"1", b"b": b"3", b"d": b"3"})
+    newer = tuple(source.pieces(1, {}, True))
+    assert early.take(source.whole, newer[1:2]) == "incomplete"
+    assert deliver(late, early, plain=True) == "incomplete"
+    assert early.got() == {b"b\0\0": 3} and early.head == source.whole
+    assert early.take(source.whole, newer[2:]) == "complete"
+    assert contents(early) == {b"a": b"1", b"b": b"3", b"d": b"3"}
+
+
+@given(history=st.lists(PARTS, min_size=2, max_size=5), seed=st.integers(0, 999))
+def test_who_came_late_brings_anybody_up_to_date_in_any_order(history, seed):
+    random, source, late = Random(seed), Held(), Held()
+    early = [Held() for _ in history]
+    for number, parts in enumerate(history, start=1):
+        source.publish(W, b"offer", number, "parts", parts)
+        for other in early[number - 1 :]:
+            if other is early[number - 1] or random.random() < 0.5:
+                deliver(source, other, plain=random.random() < 0.5)
+    deliver(source, late)
+    for other in early[:-1]:
+        other.start_anew()
+        pieces = [piece for plain in (True, False) for piece in late.pieces(other.version, {}, plain)]
+        random.shuffle(pieces)
+        for piece in (*pieces, *random.choices(pieces or [None], k=3)):
+            other.take(late.whole, () if piece is None else (piece,))
+        assert contents(other) == history[-1] and other.whole == source.whole
+
+
 def test_only_what_has_changed_travels_and_as_a_difference():
     random = Random(1)
     tile = bytearray(random.randbytes(4096))

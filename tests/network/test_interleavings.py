@@ -18,6 +18,12 @@ def test_random_lives_end_as_computed_anew(first: int) -> None:
         assert live(seed).disagreements() == [], f"life {seed}"
 
 
+@pytest.mark.parametrize("seed", [531])
+def test_lives_that_once_ended_otherwise(seed: int) -> None:
+    """531: a robot that is no more had lost parts before the only one that holds its last version looked at it."""
+    assert live(seed).disagreements() == []
+
+
 def test_lives_are_eventful() -> None:
     """A property that nothing happens to would hold of anything."""
     swarms = [live(seed) for seed in range(10)]

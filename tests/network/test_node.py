@@ -153,6 +153,26 @@ def test_a_robot_that_begins_again_is_another_source_and_the_old_one_stays():
     assert swarm.disagreements() == []
 
 
+def test_parts_that_went_before_anybody_here_looked_are_gone_for_all(monkeypatch):
+    """c has never heard of the cells that b once had and a still has; b itself is no more when a and c meet."""
+    swarm = swarm_of("a", "b", "c", previews=False)
+    old = swarm.robots["b"].source
+    layers = iter(({b"x": b"1", b"y": b"1", b"z": b"1"}, {b"x": b"2", b"z": b"1"}))
+    parts = next(layers)
+    monkeypatch.setattr(swarm.robots["b"], "cut", lambda aspect, stamp_ns: ("parts", parts))
+    for robot in swarm.robots.values():
+        monkeypatch.setattr(robot, "heard", lambda stamp_ns: None)
+    met(swarm, "ab")
+    parts = next(layers)
+    swarm.robots["b"].observe()
+    met(swarm, "bc")
+    swarm.add("b", epoch=2)
+    met(swarm, "ac")
+    for address in "ac":
+        whole = swarm.robots[address].node.replica.whole(Copy(old, "layer"))
+        assert (whole.head.version, whole.parts()) == (5, parts)
+
+
 @pytest.mark.parametrize("first", ["ab", "ac", "bc"])
 def test_of_two_robots_of_one_name_the_second_gets_another(first):
     """c meets both, and tells the second of the first, before they have met each other."""

@@ -21,7 +21,7 @@ SCOPES = st.lists(SOURCES, max_size=2).map(tuple)
 COPIES = st.builds(Copy, SOURCES, st.sampled_from(("layer", "preview")))
 HEADS = st.builds(Head, WRITERS, SHORT, NUMBERS, st.sampled_from(("parts", "whole")), DIGESTS)
 PIECES = st.one_of(
-    st.builds(Piece, NAMES, NUMBERS, st.just("gone")),
+    st.builds(Piece, NAMES, NUMBERS, st.sampled_from(("gone", "kept"))),
     st.builds(Piece, NAMES, NUMBERS, st.just("whole"), st.just(b""), SHORT),
     st.builds(
         Piece, NAMES, NUMBERS, st.sampled_from(("difference", "against")), st.binary(min_size=4, max_size=4), SHORT

@@ -57,6 +57,8 @@ class _Search:
     found: bool = False
     exact: bool = True
     improbable: int = 0
+    sure: bool = False  # leave out only what cannot be better, not also what hardly will
+    guessed: bool = False
 
     @property
     def all(self) -> int:
@@ -107,16 +109,25 @@ class _Search:
         return [into_wrong] if any(mask == chosen for mask, _ in unhit) else [into_wrong, (wrong, right | chosen)]
 
     def _judged(self, wrong: int, right: int, chosen: int) -> list[tuple[int, int]]:
-        """No loop needs it, but the claim is improbable by itself: is it worth what closed loops say for it?"""
-        at, problem = chosen.bit_length() - 1, self.problem
-        touched = [(mask & wrong, count) for mask, count in self.closed if mask & chosen]
-        alone = sum(count for hit, count in touched if not hit)
-        eased = sum(count for hit, count in touched if hit and not hit & (hit - 1))
+        """No loop needs it, but the claim is improbable by itself: is it worth what closed loops say for it?
+
+        In a loop that nothing has hit it costs ``by_chance``, unless another one there turns out wrong, too. That is
+        left out of account at first, for it is rare; ``guessed`` tells that it was.
+        """
+        at, problem, undecided = chosen.bit_length() - 1, self.problem, self.all & ~(wrong | right | chosen)
+        more = problem.by_alias - problem.by_chance
+        touched = [(mask, mask & wrong, count) for mask, count in self.closed if mask & chosen]
+        alone = [(mask & undecided, count) for mask, hit, count in touched if not hit]
+        once = sum(count for _, hit, count in touched if hit and not hit & (hit - 1))
         gain = problem.penalties[at] - problem.costs[at]
-        least = min(problem.by_chance, problem.by_alias)
-        if gain >= alone * max(problem.by_chance, problem.by_alias):
+        if gain >= sum(n for _, n in alone) * max(problem.by_chance, more, 0.0) + once * max(more, 0.0):
             return [(wrong | chosen, right)]
-        if gain + eased * max(0.0, problem.by_chance - problem.by_alias) <= alone * least:
+        eased = gain - once * min(more, 0.0)
+        shared = min(problem.by_chance, more, 0.0)
+        if eased <= sum(count * (shared if others else problem.by_chance) for others, count in alone):
+            return [(wrong, right | chosen)]
+        if not self.sure and eased <= sum(n for _, n in alone) * min(problem.by_chance, problem.by_alias):
+            self.guessed = True
             return [(wrong, right | chosen)]
         return [(wrong | chosen, right), (wrong, right | chosen)]
 
@@ -176,6 +187,9 @@ def solve(
     search.improbable = problem.improbable
     decided = sum(1 << at for at in set(right))
     search.run(decided, most_work)
+    if search.exact and search.guessed:
+        search.sure = True
+        search.run(decided, most_work)
     if search.found and not search.exact:
         search.polish(decided)
     if not search.found:

@@ -44,6 +44,10 @@ class Held:
 
     A join-semilattice in what comes in: of two writers the one with the smaller id holds, of two versions of a part the
     newer one. What is asked of a copy is always answered from the last version that was complete.
+
+    A version is complete when its digest is that of all live parts, or that of those alone which were named as live in
+    it: the others are gone then, and nobody need have told so. Who took a version in from nothing has never heard of
+    what went before it, and could not.
     """
 
     head: Head | None = None  # the newest that was told
@@ -54,6 +58,8 @@ class Held:
     _former: dict[bytes, tuple[Part, ...]] = field(default_factory=dict)
     _seen: list[int] = field(default_factory=list)
     _sum: int = 0
+    _named: set[bytes] = field(default_factory=set)  # parts that are here as the newest head has them, it was told
+    _named_sum: int = 0
     _bytes: int = 0
     _told: dict[tuple[bytes, bytes], Piece] = field(default_factory=dict)  # (name, base digest) → how it is told
 
@@ -100,11 +106,16 @@ class Held:
             return "conflict"
         if head.version <= self.version:
             return "nothing new"
+        if self.head is None or head.version > self.head.version:
+            self.head = head  # before its parts: none that is here is ever newer
+            self._forget_names()
         fits = True
         for piece in pieces:
             fits = self._apply(piece, head.version) and fits
-        if self.head is None or head.version > self.head.version:
-            self.head = head
+            if head.version == self.head.version:
+                self._name(piece)
+        if self._named_sum.to_bytes(DIGEST, "little") == self.head.digest:
+            self._drop_others(self.head.version)
         if self._sum.to_bytes(DIGEST, "little") == self.head.digest:
             self._complete(self.head)
             return "complete"
@@ -117,16 +128,22 @@ class Held:
     def start_anew(self) -> None:
         """Forget what has come since the last complete version: it does not make a whole."""
         self.head, self.parts = self.whole, dict(self.whole_parts)
+        self._forget_names()
         live = {name: part.digest for name, part in self.parts.items() if part.packed is not None}
         self._sum = int.from_bytes(_digest(live), "little")
         self._bytes = sum(len(part.packed or b"") for part in self.parts.values())
 
     def pieces(self, since: int, got: Mapping[bytes, int], plain: bool) -> Iterator[Piece]:
-        """What one needs who has the version ``since`` whole and ``got`` beyond it, to have what is complete here."""
+        """What one needs who has the version ``since`` whole and ``got`` beyond it, to have what is complete here.
+
+        ``plain`` names what has not changed, too, so that all of what is live is named.
+        """
         exact = not plain and since in self._seen
         for name in sorted(self.whole_parts):
             part = self.whole_parts[name]
             if part.version <= max(since, got.get(name, 0)):
+                if plain and part.packed is not None:
+                    yield Piece(name, part.version, "kept")
                 continue
             if part.packed is None:
                 if since or name in got:
@@ -135,12 +152,14 @@ class Held:
                 yield self._piece(name, part, self._base(name, since) if exact else None)
 
     def _apply(self, piece: Piece, version: int) -> bool:
-        """Take one part in; False where it is told against what is not here."""
+        """Take one part in; False where it is told against what is not here, or was kept and is not here."""
         if not piece.name or len(piece.name) > MOST_NAME or piece.version > version:
             raise MapError(f"a part of version {piece.version} in one of version {version}, or without a name")
         known = self.parts.get(piece.name)
         if known is not None and known.version >= piece.version:
             return True
+        if piece.change == "kept":
+            return False
         if piece.change == "gone":
             self._put(piece.name, Part(piece.version, _GONE_DIGEST, None))
             return True
@@ -161,6 +180,20 @@ class Held:
         )
         return True
 
+    def _name(self, piece: Piece) -> None:
+        """A part is live in the version of the newest head: counted once it is here as it is there."""
+        part = self.parts.get(piece.name)
+        if part is None or part.packed is None or part.version != piece.version or piece.name in self._named:
+            return
+        self._named.add(piece.name)
+        self._named_sum = (self._named_sum + _term(piece.name, part.digest)) % _WHOLE
+
+    def _drop_others(self, version: int) -> None:
+        """All parts that this version has were named: what else is here is gone in it, since whichever version."""
+        for name in sorted(self.parts.keys() - self._named):
+            if self.parts[name].packed is not None:
+                self._put(name, Part(version, _GONE_DIGEST, None))
+
     def _having(self, name: bytes, digest: bytes) -> Part | None:
         for parts in (self.whole_parts, self.parts):
             part = parts.get(name)
@@ -173,8 +206,12 @@ class Held:
         if known is None and len(self.parts) >= MOST_PARTS:
             raise MapError(f"a source of more than {MOST_PARTS} parts is not kept")
         if known is not None and known.packed is not None:
-            self._sum = (self._sum - _term(name, known.digest)) % _WHOLE
+            term = _term(name, known.digest)
+            self._sum = (self._sum - term) % _WHOLE
             self._bytes -= len(known.packed)
+            if name in self._named:
+                self._named.remove(name)
+                self._named_sum = (self._named_sum - term) % _WHOLE
         if part.packed is not None:
             self._sum = (self._sum + _term(name, part.digest)) % _WHOLE
             self._bytes += len(part.packed)
@@ -190,6 +227,7 @@ class Held:
         self.whole, self.whole_parts = head, dict(self.parts)
         self._seen = [*self._seen, head.version][-_SEEN:]
         self._told.clear()
+        self._forget_names()
 
     def _base(self, name: bytes, since: int) -> Part | None:
         """What one has of a part who has that version whole, if it is still known here."""
@@ -209,6 +247,11 @@ class Held:
         for kept in (self.parts, self.whole_parts, self._former, self._told):
             kept.clear()
         self._seen, self._sum, self._bytes = [], 0, 0
+        self._forget_names()
+
+    def _forget_names(self) -> None:
+        self._named.clear()
+        self._named_sum = 0
 
 
 def raw(parts: Mapping[bytes, Part]) -> dict[bytes, bytes]:

@@ -30,10 +30,11 @@ BASE: Final = 4  # bytes of the digest that tell a base; what comes of a wrong o
 _CHECK: Final = 8
 
 Aspect = Literal["layer", "preview"]
-Change = Literal["gone", "whole", "difference", "against"]
+Change = Literal["gone", "whole", "difference", "against", "kept"]
 ASPECTS: Final[tuple[Aspect, ...]] = ("layer", "preview")
 _FORMS: Final[tuple[Form, ...]] = ("parts", "whole")
-_CHANGES: Final[tuple[Change, ...]] = ("gone", "whole", "difference", "against")
+_CHANGES: Final[tuple[Change, ...]] = ("gone", "whole", "difference", "against", "kept")
+_BARE: Final = ("gone", "kept")  # changes that are told without bytes
 
 
 class Copy(NamedTuple):
@@ -64,6 +65,7 @@ class Piece:
     """One part that has changed, or is gone: since which version it is so, how it is told, and by what bytes.
 
     ``base`` is the beginning of the digest of what the receiver is thought to have of it (``difference``, ``against``).
+    ``kept`` only says that the part is still there, as the receiver has it.
     """
 
     name: bytes
@@ -111,8 +113,8 @@ class Want:
     """Asks for what has changed of a layer or preview since a version that the sender has whole (0: all of it).
 
     ``writer`` is whose version that is; of another writer's everything is asked for, if that one has the smaller id.
-    ``got`` are parts that have already come of a newer version; ``plain`` asks for them as they are, because what the
-    sender had was not what the other thought.
+    ``got`` are parts that have already come of a newer version; ``plain`` asks for them as they are, and for the names
+    of all others that are there, because what the sender had was not what the other thought.
     """
 
     copy: Copy
@@ -283,7 +285,7 @@ def _write_parts(writer: Writer, parts: Parts) -> None:
         writer.number(common).text(piece.name[common:]).number(piece.version).number(_CHANGES.index(piece.change))
         if piece.change in ("difference", "against"):
             writer.raw(piece.base)
-        if piece.change != "gone":
+        if piece.change not in _BARE:
             writer.text(piece.packed)
         before = piece.name
 
@@ -315,7 +317,7 @@ def _read_piece(reader: Reader, before: bytes) -> Piece:
     name, version = before[:common] + reader.text(MOST_NAME - common), reader.number()
     change = _CHANGES[reader.number(len(_CHANGES) - 1)]
     base = reader.raw(BASE) if change in ("difference", "against") else b""
-    return Piece(name, version, change, base, b"" if change == "gone" else reader.text(MOST_BYTES))
+    return Piece(name, version, change, base, b"" if change in _BARE else reader.text(MOST_BYTES))
 
 
 _READ: Final[Sequence[Callable[[Reader], Message]]] = (
