@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import io
 import json
@@ -100,11 +101,17 @@ def _picked(case: Nasty, out: str) -> str:
 
 
 def main() -> None:
-    if sys.argv[1:] == ["--expected"]:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, nargs="?", help="where to write them")
+    parser.add_argument("--expected", action="store_true", help="rewrite what is expected of them")
+    asked = parser.parse_args()
+    if asked.expected:
         _expected()
-        return
-    for case in all_cases():
-        write(case, Path(sys.argv[1]) / case.name)
+    elif asked.folder is None:
+        parser.error("name a folder to write to, or --expected")
+    else:
+        for case in all_cases():
+            write(case, asked.folder / case.name)
 
 
 if __name__ == "__main__":
