@@ -68,6 +68,7 @@ UNTRIED: Final[dict[str, dict[str, set[str]]]] = {
     },
     "standard": {
         NO_LAWS: {"policy at", "policy topic"},
+        "concerns_are_honest": {"metric rendezvous"},  # nobody is seen in one example
         "foreign_maps_are_refused": {"matcher known_pose"},
         "the_prior_is_scored": {"matcher known_pose"},
     },
