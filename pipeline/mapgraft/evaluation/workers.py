@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
-from typing import Any
 
 from mapgraft.errors import PluginError
 from mapgraft.evaluation.bench import Bench, Judged
@@ -68,15 +67,16 @@ def _hear(connection: Connection) -> Judged:
 def _work(connection: Connection) -> None:
     """What one process does: take numbers of pairs until there is None, and send back what came of them."""
     with suppress(*GONE):
-        for made in _made(connection.recv(), iter(connection.recv, None)):
+        for made in _made(connection):
             connection.send(made)
 
 
-def _made(given: Sequence[Any], numbers: Iterable[int]) -> Iterator[Judged | Exception]:
+def _made(connection: Connection) -> Iterator[Judged | Exception]:
+    """Whatever goes wrong is told, also while what was given is unpacked; where the other end is gone, nobody hears."""
     try:
-        bench = Bench(*given)
+        bench = Bench(*connection.recv())
         bench.judge(0)  # compiles and loads what there is, so that no time tells of that
-        for number in numbers:
+        while (number := connection.recv()) is not None:
             yield bench.judge(number)
     except Exception as error:
         yield error
