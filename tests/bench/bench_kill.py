@@ -144,7 +144,8 @@ class Bench:
             process.send_signal(signal.SIGKILL)
         killed = process.wait(PATIENCE_S) == -signal.SIGKILL
         reported = read_told(out)
-        lost = sum(self.is_lost(told.seq, out) for told in reported if told.kind not in ROUTINE)
+        told_by = readable(out)
+        lost = sum(self.is_lost(told.seq, told_by) for told in reported if told.kind not in ROUTINE)
         began_s = time.perf_counter()
         done = begin(self.recordings, out, None).wait(PATIENCE_S) == 0
         again_s = time.perf_counter() - began_s
@@ -154,9 +155,9 @@ class Bench:
             shutil.rmtree(out)
         return Outcome(instant, killed, between, lost, same, again_s)
 
-    def is_lost(self, seq: int, out: Path) -> bool:
+    def is_lost(self, seq: int, recordings: list[list[Event]]) -> bool:
         """Whether no recording tells of an event as the undisturbed run does."""
-        return not any(len(told) > seq and repr(told[seq]) == repr(self.events[seq]) for told in readable(out))
+        return not any(len(told) > seq and repr(told[seq]) == repr(self.events[seq]) for told in recordings)
 
 
 def readable(out: Path) -> list[list[Event]]:
