@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from swarm import Robot, Swarm
 
-from mapgraft.contracts import MapError
-from mapgraft.graph.claims import Source
+from mapgraft.contracts import MapError, Transform
+from mapgraft.graph.claims import Claim, Source
 from mapgraft.network.radio import NS_PER_S, Conditions
-from mapgraft.network.wire import Copy, Parts, Told, encode
+from mapgraft.network.wire import Copy, Parts, Told, Want, encode
 
 S = NS_PER_S
 
@@ -138,6 +140,54 @@ def test_parts_that_nobody_asked_for_are_left_aside():
     assert not c.replica.copies and not c.said()
     a.hear("b", encode(Parts(Copy(Source("a", 1), "layer"), 0, parts.head, 0, 1, parts.pieces)), 0)
     assert a.replica.version(Copy(Source("a", 1), "layer")) == swarm.robots["a"].version  # nobody else writes it
+
+
+def test_parts_of_which_the_offer_is_none_are_counted_and_left_aside():
+    """Its bytes are sound; what it says of itself is no offer, or that of another map. A later answer is taken."""
+    swarm = swarm_of("a", "b", "c", previews=False)
+    a, b = swarm.robots["a"].node, swarm.robots["b"].node
+    met(swarm, "ac")
+    a.hear("b", encode(b.greeting("a")), swarm.now_ns)
+    b._publish(Copy(b.source, "layer"), swarm.now_ns)
+    (parts,) = b.replica.answer(Want(Copy(b.source, "layer"), 0))
+    offer_of_c = swarm.robots["c"].offer()
+    for number, offer in enumerate((b"{}", parts.head.offer[:-1], offer_of_c), start=1):
+        a.hear("b", encode(replace(parts, head=replace(parts.head, offer=offer))), swarm.now_ns)
+        assert a.unreadable == number and a.replica.version(parts.copy) == 0
+    a.hear("b", encode(parts), swarm.now_ns)
+    assert a.replica.version(parts.copy) == swarm.robots["b"].version
+
+
+def test_what_strangers_make_up_leaves_room_for_ones_own_claims(monkeypatch):
+    monkeypatch.setattr("mapgraft.network.gossip.MOST_EDGES", 2)
+    swarm = swarm_of("a", "b", "x")
+    made_up = swarm.robots["x"]
+    for number in range(5):
+        made_up.claims.add(_claim("x", f"y{number}"))
+    a = swarm.robots["a"]
+    a.node.hear("x", encode(Told(tuple(claim.data for claim in made_up.claims))), 0)
+    assert (len(a.claims), a.node.gossip.refused) == (2, 3)
+    met(swarm, "ab")
+    assert a.claims.of(a.source, Source("b", 1)) is not None
+    known = made_up.claims.of(Source("x", 1), Source("y0", 1))
+    newer = replace(known, state="reverted", revision=1)
+    a.node.hear("x", encode(Told((newer.data,))), 0)
+    assert a.claims.of(*newer.edge) == newer  # there is always room for what is known to end
+
+
+def _claim(receiver: str, donor: str) -> Claim:
+    return Claim(Source(receiver, 1), Source(donor, 1), 1, "provisional", 0, Transform.identity())
+
+
+def test_a_robot_takes_no_name_that_it_has_heard_of():
+    """``alpha~2`` was told of in a claim, and is not to be met any more."""
+    swarm = Swarm()
+    a, b = (swarm.add(address, "alpha") for address in "ab")
+    b.claims.add(replace(_claim("x", "y"), donor=Source("alpha~2", 2)))
+    for robot in (a, b):
+        robot.observe()
+    met(swarm, "ab")
+    assert b.source == Source("alpha~3", 3)
 
 
 def test_a_robot_that_begins_again_is_another_source_and_the_old_one_stays():

@@ -21,7 +21,6 @@ RANK: Final[Mapping[State, int]] = {"provisional": 0, "confirmed": 1, "reverted"
 MOST_SUPPORT: Final = 12.0  # nats: nobody is surer than that, either way
 MOST_NAME_BYTES: Final = 400  # a robot's name of 100 letters
 MOST_TEXT_BYTES: Final = 1000
-MOST_EDGES: Final = 20_000
 MOST_COUNTED: Final = 1 << 32  # corrections of one map
 REMEMBERED: Final = 4096  # claims that were read: in one process many robots hear the same
 _STATES: Final[tuple[State, ...]] = ("provisional", "confirmed", "reverted")
@@ -171,15 +170,10 @@ class Claims:
             self.add(claim)
 
     def add(self, claim: Claim) -> bool:
-        """Take a claim in; True when it changes anything.
-
-        Raises MapError when there would be more edges than anybody has use for.
-        """
+        """Take a claim in; True when it changes anything."""
         known = self._by_edge.get(claim.edge)
         if known is not None and claim.order <= known.order:
             return False
-        if known is None and len(self._by_edge) >= MOST_EDGES:
-            raise MapError(f"there are claims about {MOST_EDGES} merges already: more are not taken in")
         self._by_edge[claim.edge] = claim
         self._digest = None
         self.version += 1

@@ -13,6 +13,7 @@ from mapgraft.network.wire import DIGEST, Hello, Message, Summary, Told
 _WHOLE: Final = 1 << (8 * DIGEST)
 _NOTHING: Final = bytes(DIGEST)
 _AT_ONCE: Final = 1 << 14  # bytes of claims in one message
+MOST_EDGES: Final = 20_000  # that others may tell of
 
 
 class Gossip:
@@ -35,7 +36,7 @@ class Gossip:
         self._told: dict[str, int] = {}  # peer → up to which version it was told what is written here
         # peer → as which source it was greeted last, and what it was told of third robots' claims
         self._told_others: dict[str, tuple[Source | None, bytes]] = {}
-        self.refused = 0  # claims that could not be read
+        self.refused = 0  # claims that could not be read, or were too many
 
     def hello(self, peer: str, me: Source, other: Source | None) -> tuple[bytes, bytes, tuple[bytes, ...]]:
         """For a hello: the digests of what this robot wrote and of what third ones did, and what is new to the peer."""
@@ -66,16 +67,23 @@ class Gossip:
         return any(version > told for _, version in self._fresh.values())
 
     def learn(self, told: Iterable[bytes]) -> list[Claim]:
-        """Take in what others tell; returns the claims that are news. What is no claim is counted and left aside."""
+        """Take in what others tell; returns the claims that are news.
+
+        What is no claim is counted and left aside, as is what would make more than anybody has use for: what strangers
+        make up leaves room for what this robot has to say.
+        """
         changed = []
         for data in told:
             try:
                 claim = Claim.decode(data)
-                if self._claims.add(claim):
-                    self._learnt[claim.edge] = data
-                    changed.append(claim)
             except MapError:
                 self.refused += 1
+                continue
+            if len(self._claims) >= MOST_EDGES and self._claims.of(*claim.edge) is None:
+                self.refused += 1
+            elif self._claims.add(claim):
+                self._learnt[claim.edge] = data
+                changed.append(claim)
         return changed
 
     def heard(self, peer: str, me: Source, source: Source, hello: Hello) -> Iterator[Message]:

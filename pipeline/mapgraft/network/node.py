@@ -243,6 +243,8 @@ class Node:
         question = self._questions.get(copy)
         if question is None or question.peer != sender or copy.source == self.source:
             return
+        if parts.head is not None:
+            _check(copy, parts.head)
         question.size += size
         question.asked_ns = now_ns  # it is coming: patience begins anew
         if parts.head is None:
@@ -332,10 +334,14 @@ class Node:
         if source != self.source or writer >= self.writer:
             return
         name = base_name(source.name)
-        known = (source, *(peer.source for peer in self.peers.values()))
-        epoch = 1 + max(one.epoch for one in known if base_name(one.name) == name)
+        epoch = 1 + max(one.epoch for one in self._known() if base_name(one.name) == name)
         self.source = Source(life_name(name, epoch), epoch)
         self.host.renamed(self.source, now_ns)
+
+    def _known(self) -> set[Source]:
+        """All sources that this robot has heard of, its own among them."""
+        met = {peer.source for peer in self.peers.values()} | {copy.source for copy in self.replica.copies}
+        return met | {end for claim in self.host.claims for end in claim.edge} | {self.source}
 
     def _wake(self, at_ns: int) -> None:
         self.wake_ns = at_ns if self.wake_ns is None else min(at_ns, self.wake_ns)
@@ -362,3 +368,10 @@ def _offer(data: bytes) -> Offer:
         return Offer.decode(data)
     except MapError as error:
         raise UnreadableError(str(error)) from None
+
+
+def _check(copy: Copy, head: Head) -> None:
+    """Raises UnreadableError where a head's offer is none, or tells of another source or version than that it heads."""
+    told = _offer(head.offer).provenance
+    if (told.source, told.epoch, told.version) != (*copy.source, head.version):
+        raise UnreadableError(f"version {head.version} of {copy.source} comes with an offer of {told}")
