@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+import struct
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from fuzz_layer_seeds import DEEP, T, small_layers
@@ -13,6 +16,7 @@ from mapgraft.exchange import Offer
 from mapgraft.graph.claims import Claim, Source
 from mapgraft.network.held import Held
 from mapgraft.network.meetings import Met
+from mapgraft.network.packing import pack, pack_offer
 from mapgraft.network.wire import MAGIC, Copy, Hello, Namesake, Parts, Summary, Told, Want, encode
 from mapgraft.rendezvous import Record, Seen
 from mapgraft_cloud.map_type import PointCloud
@@ -47,6 +51,12 @@ def _said() -> Iterator[bytes]:
         Claim(a, b, 1, "reverted", 1, T, 1.5, np.eye(6), support=-3.0, stamp_ns=9, by="x", reason="y"),
     ]
     told = tuple(claim.encode() for claim in claims)
+    untrue = [
+        replace(claims[0], donor=a),
+        replace(claims[0], scale=1e9),
+        replace(claims[1], covariance=-np.eye(6)),
+        replace(claims[1], covariance=np.full((6, 6), np.inf)),
+    ]
     offer = Offer(Provenance("a", 1, 3), MapMetadata("occupancy_grid", 0.05)).encode()
     held, copy, still = Held(), Copy(a, "layer"), (1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 1.0)
     for version, data in enumerate(small_layers()[b"g"][:3], start=1):
@@ -71,13 +81,11 @@ def _said() -> Iterator[bytes]:
         yield b"m" + data
         yield b"m" + data[:-1] + b"x"
         inner = data[len(MAGIC) : -8]
+        yield b"w" + inner.replace(pack_offer(offer), pack(bytes(1 << 15)))
         for changed in (inner, inner[:-1], inner + b"\0", bytes([(inner[0] + 1) % 6]) + inner[1:], inner[:9] + inner):
             yield b"w" + changed
         for at in range(1, min(len(inner), 40)):
             yield b"w" + inner[:at] + b"\xff\xff\xff\x7f" + inner[at + 1 :]
-    for one in messages:
-        for other in messages[-5:-1]:
-            inner = one[len(MAGIC) : -8]
-            yield b"t" + len(inner).to_bytes(2, "little") + inner + other[len(MAGIC) : -8]
-    yield from (b"s" + data for data in told)
+    yield from (b"s" + data for data in (*told, *(claim.encode() for claim in untrue)))
+    yield b"s" + told[0].replace(struct.pack("<d", 3.0), struct.pack("<d", math.nan))
     yield from (b"s" + told[1][:at] + b"\xff" + told[1][at + 1 :] for at in range(0, len(told[1]), 5))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fuzz_bag_seeds import bag_seeds, db3_seeds
+from fuzz_conversation_seeds import conversation_seeds
 from fuzz_layer_seeds import layer_seeds
 from fuzz_mcap_seeds import mcap_seeds
 from fuzz_message_seeds import message_seeds
@@ -19,4 +20,5 @@ SEEDS = {
     "decision": decision_seeds,
     "layer": layer_seeds,
     "message": message_seeds,
+    "network": conversation_seeds,
 }

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import fuzz_bags
+import fuzz_conversations
 import fuzz_documents
 import fuzz_layers
 import fuzz_mcap
@@ -79,6 +80,7 @@ WORDS = {
     "occupancy_grid line_segments posterior log_odds sequential *a &a .nan null [[ {}",
     "layer": 'Infinity NaN null [[ "walls" "rows" "pools" "floors" "sensors" "metadata" 1e999 ~~',
     "message": "layer preview parts whole alpha MGN sequential consistency occupancy_grid provenance metadata bounds_m",
+    "network": "writer-a writer-b writer-c walls floor door occupancy_grid",
 }
 """What random bytes would not hit upon."""
 
@@ -192,19 +194,31 @@ HARNESSES = {
             "message",
             fuzz_messages.message,
             (
-                *_modules("mapgraft.network", "held", "packing", "replica", "wire"),
+                *_modules("mapgraft.network", "packing", "wire"),
                 "mapgraft.graph.claims",
                 "mapgraft_cloud.cutting",
                 "mapgraft_grid.cutting",
                 "mapgraft_lines.cutting",
             ),
             4000,
+            plain=("mapgraft_cloud.map_type", "mapgraft_grid.map_type", "mapgraft_lines.map_type"),
+        ),
+        Harness(
+            "network",
+            fuzz_conversations.conversation,
+            _modules("mapgraft.network", "gossip", "held", "meetings", "node", "replica"),
+            6000,
             bounds={
+                "mapgraft.network.gossip:MOST_EDGES": 3,
+                "mapgraft.network.gossip:_AT_ONCE": 300,
                 "mapgraft.network.held:MOST_PARTS": 12,
                 "mapgraft.network.held:MOST_HELD_BYTES": 3000,
-                "mapgraft.network.replica:MOST_COPIES": 1,
+                "mapgraft.network.held:PIECE": 200,
+                "mapgraft.network.node:MOST_PEERS": 3,
+                "mapgraft.network.node:MOST_TRIES": 3,
+                "mapgraft.network.replica:MOST_COPIES": 4,
             },
-            plain=("mapgraft_cloud.map_type", "mapgraft_grid.map_type", "mapgraft_lines.map_type"),
+            damage=fuzz_conversations.disturbed,
         ),
     )
 }

@@ -26,6 +26,7 @@ EXAMPLES = {
     "decision": 150,
     "layer": 300,
     "message": 300,
+    "network": 300,
 }
 SHORT = {"deadline": None, "database": None, "suppress_health_check": list(HealthCheck)}
 
@@ -43,8 +44,9 @@ def test_every_harness_has_seeds_and_examples():
 @pytest.mark.parametrize("name", sorted(HARNESSES))
 def test_strangers_bytes_raise_sentences_only(name: str):
     harness = HARNESSES[name]
+    sound = [data[: harness.max_bytes] for data in SEEDS[name]()]
     with bounded(harness):
-        run, sound = harness.build(), [data[: harness.max_bytes] for data in SEEDS[name]()]
+        run = harness.build()
         for data in sound:
             run(data)
         _damaged(run, sound, EXAMPLES[name], harness)
