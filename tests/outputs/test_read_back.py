@@ -7,9 +7,12 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from mcap.writer import Writer
 
 from mapgraft.errors import OutputError
 from mapgraft.events import Event
+from mapgraft.outputs.mcap_log import EVENTS
+from mapgraft.outputs.messages import MERGE_EVENT, MessageEncoder
 from mapgraft.outputs.read_back import read_attachment, read_events, told_by
 
 
@@ -64,3 +67,21 @@ def test_lengths_that_lie_allocate_nothing_and_raise_sentences_only(merge_file: 
         with suppress(OutputError):
             read_events(path)
     assert len(counts) > 3
+
+
+@pytest.mark.parametrize("change", ["another field", "nothing that is a type", "nothing at all"])
+def test_events_with_other_fields_are_not_guessed_at(tmp_path: Path, change: str) -> None:
+    """A recording of another version: its own description of the events is not what is read here."""
+    encoder, path = MessageEncoder(), tmp_path / "old.merge.mcap"
+    text = encoder.definition(MERGE_EVENT)
+    told = {"another field": text.replace("float64 scale", "float32 scale"), "nothing that is a type": "no type!"}
+    assert encoder.is_as_here(MERGE_EVENT, text) and told["another field"] != text
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema(MERGE_EVENT, "ros2msg", told.get(change, "").encode())
+        channel = writer.register_channel(EVENTS, "cdr", schema)
+        writer.add_message(channel, 0, b"\0\1\0\0" + bytes(80), 0)
+        writer.finish()
+    with pytest.raises(OutputError, match="another version of mapgraft"):
+        read_events(path)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
 from mapgraft.errors import OutputError, PluginError
 from mapgraft_schemas import message_texts
@@ -85,6 +85,14 @@ class MessageEncoder:
     def decode(self, message_type: str, data: bytes | memoryview) -> Any:
         """The message object of little-endian CDR bytes."""
         return self._store.deserialize_cdr(data, message_type)
+
+    def is_as_here(self, message_type: str, definition: str) -> bool:
+        """Whether the text of a type, and of all types it is made of, has the fields that these have here."""
+        try:
+            told = get_types_from_msg(definition, message_type)
+        except (TypesysError, ValueError):
+            return False
+        return all(self._store.fielddefs.get(name) == fields for name, fields in told.items())
 
     def definition(self, message_type: str) -> str:
         """The text of the type and of all types it is made of, as ``ros2msg`` has it; ours with their comments."""

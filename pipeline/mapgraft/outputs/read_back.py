@@ -12,7 +12,7 @@ from typing import BinaryIO, cast
 
 import zstandard
 from mcap.exceptions import McapError
-from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
+from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 
 from mapgraft.errors import OutputError
@@ -29,11 +29,19 @@ _MAGIC = b"\x89MCAP0\r\n"
 def read_events(path: Path) -> list[Event]:
     """All events of a ``.merge.mcap`` or a ``.merge.mcap.partial``, in order; of a cut file those before the cut.
 
-    Raises OutputError when the file cannot be read, is no MCAP, or was finished and is damaged.
+    Raises OutputError when the file cannot be read, is no MCAP, was finished and is damaged, or tells of events with
+    other fields than these have here.
     """
-    encoder, channels, events = MessageEncoder(), set[int](), list[Event]()
+    encoder, channels, events, schemas = MessageEncoder(), set[int](), list[Event](), dict[int, bytes]()
     for record in _records(path):
-        if isinstance(record, Channel) and record.topic == EVENTS:
+        if isinstance(record, Schema):
+            schemas[record.id] = record.data
+        elif isinstance(record, Channel) and record.topic == EVENTS:
+            if not encoder.is_as_here(MERGE_EVENT, schemas.get(record.schema_id, b"").decode(errors="replace")):
+                raise OutputError(
+                    f"{path} was written by another version of mapgraft, whose events have other fields: "
+                    "read it with that version, or run again"
+                )
             channels.add(record.id)
         elif isinstance(record, Message) and record.channel_id in channels:
             events.append(event_of(encoder.decode(MERGE_EVENT, record.data)))
