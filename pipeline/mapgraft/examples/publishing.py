@@ -6,7 +6,7 @@ What was published stays, and other runs come in beside it; a run that comes aga
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Final
@@ -16,7 +16,7 @@ import pyarrow as pa
 from mapgraft.errors import OutputError, UsageError
 from mapgraft.examples.card import CARD, Tally, card
 from mapgraft.examples.judged import judged
-from mapgraft.examples.reading import EXAMPLES, ExampleFolder, ExampleKey, Word, last_words, plain
+from mapgraft.examples.reading import EXAMPLES, ExampleFolder, ExampleKey, Word, last_words_on, plain
 from mapgraft.examples.splits import SPLITS, split_by_name, split_of
 from mapgraft.outputs.files import json_bytes
 from mapgraft.outputs.lock import DATASET, locked, require_kind
@@ -189,11 +189,10 @@ class _Publication:
         self.staging.write(DATASET, json_bytes(content))
 
 
-def _words(holders: Iterable[ExampleFolder]) -> dict[ExampleKey, list[Word]]:
+def _words(holders: Sequence[ExampleFolder]) -> dict[ExampleKey, list[Word]]:
     """The last word of every person on every example, wherever it was said."""
-    said = sorted((word for holder in holders for word in holder.words()), key=lambda word: word.said_ns)
     out: dict[ExampleKey, list[Word]] = {}
-    for (key, _), word in last_words(said).items():
+    for (key, _), word in last_words_on(holders).items():
         out.setdefault(key, []).append(word)
     return out
 
