@@ -15,7 +15,7 @@ import pyarrow as pa
 
 from mapgraft.errors import OutputError, UsageError
 from mapgraft.examples.card import CARD, Tally, card
-from mapgraft.examples.judged import judged
+from mapgraft.examples.judged import KNOWN_OF, judged
 from mapgraft.examples.reading import EXAMPLES, ExampleFolder, ExampleKey, Word, last_words_on, plain
 from mapgraft.examples.splits import SPLITS, split_by_name, split_of
 from mapgraft.outputs.files import json_bytes
@@ -28,7 +28,6 @@ from mapgraft_schemas import arrow_schema, table
 FORMAT: Final = "mapgraft dataset 1"
 _NAME: Final = "dataset"
 _DIGITS: Final = 32  # of a part's name: many runs have parts side by side
-_KNOWN_OF: Final = ("example_id", "truth", "truth_by", "truth_T", "T_receiver_donor")
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,7 +200,7 @@ def _joined(batch: pa.Table, run_id: str, words: Mapping[ExampleKey, Sequence[Wo
     """Examples as a dataset holds them, with what is known of them in the end."""
     rows = [
         judged(row, words.get(ExampleKey(run_id, row["example_id"]), ()))
-        for row in plain(batch.select(_KNOWN_OF)).to_pylist()
+        for row in plain(batch.select(KNOWN_OF)).to_pylist()
     ]
     columns = []
     for column in table(_NAME).columns:
