@@ -150,8 +150,7 @@ class ExampleFolder:
         said = list(published_words(self))
         for run_id, rows in LabelParts(self.path).new():
             said += _words_of(run_id, rows)
-        once = {(w.key, w.annotator, w.said_ns, w.label): w for w in said if w.key in self._places}
-        return sorted(once.values(), key=lambda word: word.said_ns)
+        return _once(word for word in said if word.key in self._places)
 
     def labels(self) -> Mapping[tuple[ExampleKey, str], Word]:
         """The last word of each annotator on each example, as ``last_words_on`` tells it."""
@@ -193,13 +192,24 @@ class ExampleFolder:
         return self._opened[number]
 
 
+def all_words(folders: Sequence[ExampleFolder]) -> list[Word]:
+    """All that was said of the examples of some folders, the earliest first; what several hold, as the first has it."""
+    return _once(word for folder in reversed(folders) for word in folder.words())
+
+
+def _once(words: Iterable[Word]) -> list[Word]:
+    """Words in the order in which they were said; of those that are there twice the one that comes later."""
+    once = {(word.key, word.annotator, word.said_ns, word.label): word for word in words}
+    return sorted(once.values(), key=lambda word: word.said_ns)
+
+
 def last_words_on(folders: Sequence[ExampleFolder]) -> dict[tuple[ExampleKey, str], Word]:
     """The last word of each annotator on each example of some folders, wherever it was said, if it holds.
 
     Whoever reads an example reads it from the first folder that has it: a word that judged another transform than that
     one's is not about it (``Word.is_about``), and no word on it.
     """
-    said = sorted((word for folder in folders for word in folder.words()), key=lambda word: word.said_ns)
+    said = all_words(folders)
     spoken_of = {word.key for word in said}
     judged: dict[ExampleKey, Transform | None] = {}
     for folder in reversed(folders):
