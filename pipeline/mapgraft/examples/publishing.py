@@ -125,7 +125,8 @@ class _Publication:
             holder = next(one for one in holders if any(key.run_id == run_id for key in one.keys))
             made, between = self._write(run_id, holder, words, tally)
             parts += made
-            left_out |= {run_id: between} if between else {}
+            missing = between + self._left_out_of(holder).get(run_id, 0)
+            left_out |= {run_id: missing} if missing else {}
         parts.sort(key=lambda part: part.name)
         self.environments |= {name: self.decided.get(name) or split_by_name(name) for name in tally.environments}
         known = dict(sorted({**self.decided, **self.environments}.items()))
@@ -134,6 +135,12 @@ class _Publication:
         new = {part.name for part in parts}
         self.staging.publish(gone=[part.name for part in self.before.parts if part.name not in new])
         return out
+
+    def _left_out_of(self, holder: ExampleFolder) -> Mapping[str, int]:
+        """What is not in a dataset that examples come from, because it was left out when they were published there."""
+        if holder.path.resolve() == self.dataset.resolve():
+            return self.before.left_out
+        return published_before(holder.path).left_out if (holder.path / DATASET).is_file() else {}
 
     def _moved(self, holders: Sequence[ExampleFolder]) -> set[str]:
         """Runs that are there already, of which an environment is to be in another split than before."""
@@ -160,7 +167,7 @@ class _Publication:
                 left_out += splits.count(None)
                 joined = _joined(batch, run_id, words)
                 for split in sorted({split for split in splits if split is not None}):
-                    rows = joined.filter(pa.array([one == split for one in splits]))
+                    rows = _encoded_anew(joined.filter(pa.array([one == split for one in splits])))
                     if split not in writers:
                         writers[split] = self._writer(run_id, split)
                     writers[split].append(rows)
@@ -213,6 +220,17 @@ def _joined(batch: pa.Table, run_id: str, words: Mapping[ExampleKey, Sequence[Wo
         else:  # written by a version that did not have it yet
             columns.append(array_of([None] * len(batch), column.type))
     return pa.table(columns, schema=arrow_schema(_NAME))
+
+
+def _encoded_anew(rows: pa.Table) -> pa.Table:
+    """With dictionaries of what is in these rows, in its order: so the same rows are the same bytes, wherever from."""
+    columns = [
+        rows[field.name].cast(field.type.value_type).dictionary_encode().cast(field.type)
+        if pa.types.is_dictionary(field.type)
+        else rows[field.name]
+        for field in rows.schema
+    ]
+    return pa.table(columns, schema=rows.schema)
 
 
 def _tallied(path: Path) -> pa.Table:
