@@ -56,6 +56,16 @@ def test_killed_between_answers_nothing_is_lost_and_it_goes_on(command: Callable
     assert len(given) == 9
 
 
+def test_words_that_cannot_be_read_are_named_at_the_start(command: Callable, out: Path):
+    damaged = out / "labels" / f"run_id={ExampleFolder(out).keys[0].run_id}" / "part-00000-cut.parquet"
+    damaged.parent.mkdir(parents=True)
+    damaged.write_bytes(b"PAR1")
+    started = command(out)
+    assert started.client.get().status == 200
+    code, _, err = started.end()
+    assert code == 0 and err.count(f"{damaged} cannot be read") == 1
+
+
 def test_killed_in_the_middle_of_answers(command: Callable, out: Path):
     """Whatever the moment: what was answered with success is there, and nothing that nobody said."""
     import threading

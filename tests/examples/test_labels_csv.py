@@ -1,4 +1,4 @@
-"""What people say, out to a CSV file and in again, and as the truth."""
+"""What people say, out to a CSV file and in again."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from toy_examples import RUN, write_toys
 from mapgraft.contracts import Transform
 from mapgraft.errors import UsageError
 from mapgraft.examples import ExampleFolder, ExampleKey, put_at, transform_of
-from mapgraft.examples.labels_csv import examples_truth, exported, imported, robots_truth
+from mapgraft.examples.labels_csv import exported, imported
+from mapgraft.examples.publishing import publish
 from mapgraft.outputs.labels import label
 
 NOON = datetime(2026, 3, 1, 12, 0, 0, 250_000, tzinfo=UTC)
@@ -99,6 +100,9 @@ def test_a_line_by_hand_needs_little(out):
         ("example_id,label,x_m\nalpha.beta.1,right,1\n", "line 2: a pose is x_m, y_m and yaw_rad"),
         ("example_id,label,x_m\nalpha.beta.1,right,inf\n", "line 2: x_m is a finite number, found 'inf'"),
         ("example_id,label,labelled_at\nalpha.beta.1,right,noon\n", "line 2: labelled_at is a time like"),
+        ("example_id,label,labelled_at\nalpha.beta.1,right,2026-03-01T12:00:00+99:00\n", "labelled_at is a time like"),
+        ("example_id,label,labelled_at\nalpha.beta.1,right,0001-01-01T00:00:00+02:00\n", "labelled_at is a time like"),
+        ("example_id,label,labelled_at\nalpha.beta.1,right,2300-01-01T00:00:00Z\n", "labelled_at is a time like"),
         ("example_id,label,elapsed_s\nalpha.beta.1,right,long\n", "elapsed_s is a finite number"),
         ("", "has no column example_id, label"),
     ],
@@ -119,32 +123,48 @@ def test_what_is_no_text_is_refused(out):
             imported(ExampleFolder(out), path)
 
 
-def test_a_corrected_transform_is_the_truth_about_its_robots(out, tmp_path):
-    path = tmp_path / "truth.csv"
+@pytest.mark.parametrize(
+    ("told", "utc"),
+    [
+        ("2026-03-01T12:00:00Z", "2026-03-01T12:00:00.000000000Z"),
+        ("2026-03-01 12:00:00", "2026-03-01T12:00:00.000000000Z"),
+        ("2026-03-01T12:00:00+02:00", "2026-03-01T10:00:00.000000000Z"),
+        ("2026-03-01T00:30:00.123456789+0530", "2026-02-28T19:00:00.123456789Z"),
+        ("2026-03-01T12:00:00,5-08", "2026-03-01T20:00:00.500000000Z"),
+        ("2026-03-01", "2026-03-01T00:00:00.000000000Z"),
+    ],
+)
+def test_a_time_means_what_its_zone_says(out, told, utc):
+    path = out / "zoned.csv"
+    path.write_text(f'example_id,label,annotator,labelled_at\nalpha.beta.9,right,eve,"{told}"\n')
+    assert imported(ExampleFolder(out), path) == (1, 0)
+    assert [row["labelled_at"] for row in rows_of(exported([ExampleFolder(out)])[0]) if row["annotator"] == "eve"] == [
+        utc
+    ]
+
+
+def test_the_later_of_two_words_is_the_one_said_later_wherever_that_was(out):
+    path = out / "zoned.csv"
     path.write_text(
-        "recording,receiver,donor,label,x_m,y_m,yaw_rad\n"
-        "one,ann,bob,wrong,1.0,2.0,0.50\n"
-        "one,ann,bob,right,1.1,2.0,0.51\n"
-        "one,ann,bob,right,1.2,2.0,0.52\n"
-        "one,ann,cid,unsure,9,9,0\n"
-        "two,ann,bob,right,5,5,0\n"
-        "one,cid,ann,wrong,,,\n"
+        "example_id,label,annotator,labelled_at\n"
+        "alpha.beta.9,wrong,eve,2026-03-01T11:00:00Z\n"
+        "alpha.beta.9,right,eve,2026-03-01T12:00:00+02:00\n"
     )
-    truth = robots_truth(path, {"ann": "one", "bob": "one", "cid": "one"})
-    assert truth.keys() == {("ann", "bob")}
-    T = truth["ann", "bob"].T_receiver_donor
-    assert T is not None and (T.x_m, T.yaw_rad) == pytest.approx((1.1, 0.51))  # the one in the middle
-    with pytest.raises(UsageError, match=r"line 6: this transform lies .* from that of line 2"):
-        robots_truth(path)
+    imported(ExampleFolder(out), path)
+    assert ExampleFolder(out).labels()[ExampleKey(RUN, "alpha.beta.9"), "eve"].label == "wrong"
 
 
-def test_a_corrected_transform_is_the_truth_about_its_example(out, tmp_path):
-    path = tmp_path / "labels.csv"
-    path.write_text(exported([ExampleFolder(out)])[0])
-    truth = examples_truth(path, RUN)
-    assert truth.keys() == {"alpha.beta.1", "alpha.beta.2"} and not examples_truth(path, "r2")
-    moved = truth["alpha.beta.2"].T_receiver_donor
-    assert moved is not None and np.allclose(moved.matrix, MOVED.matrix, atol=1e-9)
+def test_what_two_folders_hold_of_one_example_goes_out_once(out, tmp_path_factory):
+    """The dataset holds the words of the run, and a later one of its own."""
+    data = tmp_path_factory.mktemp("data")
+    publish([out], data)
+    both = [ExampleFolder(out), ExampleFolder(data)]
+    assert exported(both) == exported(both[:1])
+    about = {"merge_id": "alpha.beta.1", "receiver": "alpha", "donor": "beta"}
+    label(data, RUN, **about, verdict="unsure", by="bob")
+    words = {(row["example_id"], row["annotator"]): row["label"] for row in rows_of(exported(both)[0])}
+    assert words["alpha.beta.1", "bob"] == "unsure" and exported(both)[1] == len(words) == 3
+    assert exported(both, everything=True)[1] == 6
 
 
 def test_who_moves_a_map_in_the_plane_keeps_its_height_and_tilt():

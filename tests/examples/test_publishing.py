@@ -78,6 +78,22 @@ def test_pairs_between_two_splits_are_left_out_and_counted(tmp_path):
     assert not again.left_out and sum(again.rows.values()) == 40
 
 
+def test_what_was_left_out_stays_told_when_a_dataset_is_published_from_itself(tmp_path):
+    """Or from another one: what was never in it cannot be counted there."""
+    data, card = tmp_path / "data", "README.md"
+    write_toys(tmp_path / "out", 40, environments=("aces", "aces+intel", "aces+fr101", "mit"))
+    before = publish([tmp_path / "out"], data, AT)
+    here = contents(data)
+    assert before.left_out[RUN] > 5
+    assert publish([data], data).left_out == before.left_out and contents(data) == here
+    publish([data], tmp_path / "copy", AT)
+    assert (tmp_path / "copy" / card).read_bytes() == here[card]
+    more = publish([data], data, {"intel": "test"}).left_out[RUN]  # and now some more
+    assert more + sum(publish([], data).rows.values()) == 40 and more > before.left_out[RUN]
+    assert publish([data, tmp_path / "out"], data).left_out == {RUN: more}
+    assert publish([tmp_path / "out"], data, {"intel": "train"}).left_out == before.left_out  # counted anew
+
+
 def test_the_same_gives_the_same_bytes_and_twice_is_once(toys, tmp_path):
     for folder in (tmp_path / "a", tmp_path / "b"):
         publish([toys], folder, AT, "cc-by-4.0")
@@ -136,7 +152,8 @@ def test_labels_of_persons_are_joined_and_the_truth_goes_before_them(tmp_path):
     first = rows[ExampleKey(RUN, "alpha.beta.1")]
     assert (first["label"], first["label_by"]) == ("wrong", "persons")
     assert [said["annotator"] for said in first["labels"]] == ["ann", "bob", "cid"]
-    assert transform_of(first["T_label"]) is None  # who says right and who moved it mean different places
+    put = transform_of(first["T_label"])  # where those hold it to lie who say what counts
+    assert put is not None and put.difference(moved)[0] < 1e-9
     assert rows[ExampleKey(RUN, "alpha.beta.2")]["label"] == "unsure"
     assert (
         rows[ExampleKey(RUN, "alpha.beta.3")]["label"] is None and not rows[ExampleKey(RUN, "alpha.beta.3")]["labels"]

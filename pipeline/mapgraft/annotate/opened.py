@@ -24,7 +24,6 @@ from mapgraft.examples.reading import EXAMPLES
 from mapgraft.outputs.label_parts import gather
 from mapgraft.outputs.labels import Verdict, label
 from mapgraft.outputs.provenance import is_run_id
-from mapgraft.persons import SAME_PLACE_M, SAME_TURN_RAD
 
 LISTED: Final = ("run_id", "environment", "truth", "T_receiver_donor", "own_px_m", "donor_px_m")
 TRUTHS: Final = ("right", "wrong")
@@ -88,16 +87,12 @@ class Opened:
         """Whether the robot had found a transform, which is to be judged."""
         return bool(np.isfinite(self._T[n]).all())
 
-    def is_about(self, n: int, T_judged: Transform | None) -> bool:
-        """Whether a word that judged this transform is about the example; ids belong to others when a run is made anew.
-
-        True where either is not known.
-        """
-        T = self._judged(n)
-        if T is None or T_judged is None:
-            return True
-        shift_m, turn_rad = T.difference(T_judged)
-        return shift_m <= SAME_PLACE_M and turn_rad <= SAME_TURN_RAD
+    def judged(self, n: int) -> Transform | None:
+        """The transform that is to be judged; None where the robot found none."""
+        try:
+            return transform_of(self._T[n])
+        except TransformError:  # a stranger's numbers
+            return None
 
     def other_transform(self, n: int, flat: NDArray[np.float64]) -> Transform | None:
         """A transform that somebody wrote down, (16,) row-major; None where it is the one to be judged, or none."""
@@ -110,7 +105,7 @@ class Opened:
 
     def moved(self, n: int, T_held: Transform | None) -> Place | None:
         """Where somebody put the donor's map, None where they left it."""
-        T = self._judged(n)
+        T = self.judged(n)
         if T_held is None or (T is not None and np.array_equal(T.matrix, T_held.matrix)):
             return None
         return Place(T_held.x_m, T_held.y_m, T_held.yaw_rad)
@@ -134,7 +129,7 @@ class Opened:
         clock: datetime | None = None,
     ) -> None:
         """Write a word down, beside the example; it is on disk when this returns. Raises OutputError."""
-        key, T = self.keys[n], self._judged(n)
+        key, T = self.keys[n], self.judged(n)
         out, row = self._folder(n).path, self._row(n)
         _require_within(out, key.run_id)
         label(
@@ -151,12 +146,6 @@ class Opened:
             elapsed_s=elapsed_s,
             clock=clock,
         )
-
-    def _judged(self, n: int) -> Transform | None:
-        try:
-            return transform_of(self._T[n])
-        except TransformError:  # a stranger's numbers
-            return None
 
     def _folder(self, n: int) -> ExampleFolder:
         return self._folders[self._in[n]]

@@ -94,7 +94,7 @@ class Words:
 
     def _put(self, found: examples.Word) -> None:
         n, annotator, at_ns = self._opened.number(*found.key), text(found.annotator), found.said_ns
-        if n is None or not self._opened.is_about(n, found.T_judged):
+        if n is None or not found.is_about(self._opened.judged(n)):
             return
         if annotator not in self._words and len(self._words) >= MOST_ANNOTATORS:
             return

@@ -10,6 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from mapgraft.commands.unread import tell_unread
 from mapgraft.console import cell, remarks, results
 from mapgraft.errors import UsageError
 
@@ -50,6 +51,7 @@ def annotate_and_wait(folders: Sequence[Path], asked: Asked) -> None:
 
     name = None if asked.name is None else _named(asked.name, checked_name)
     opened = open_folders(folders)
+    tell_unread(folders)
     opened.tidy()
     desk = Desk(opened)
     listening = listen(asked.host, asked.port)

@@ -18,6 +18,7 @@ from mapgraft.calibrate.labelled import read_labels
 from mapgraft.calibrate.page import page_of
 from mapgraft.calibrate.table import rules_text, written
 from mapgraft.calibrate.transfer import Target
+from mapgraft.commands.unread import tell_unread
 from mapgraft.config import Config
 from mapgraft.console import cell, print_json, remarks, results
 from mapgraft.decision import Rule, build_table
@@ -76,6 +77,7 @@ def calibrate_and_show(
     if not datasets or out is None:
         raise UsageError("name labelled examples and a folder to write to: mapgraft calibrate DATASET… -o OUT")
     asked = options.over(checked)
+    tell_unread([*datasets, *meant])
     labels = read_labels(datasets, without=without_building, held_back=held_back)
     used_on = read_labels(meant, held_back=True) if meant else None
     calibration = calibrate(labels, table, asked, used_on)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from mapgraft.commands.unread import tell_unread
 from mapgraft.console import cell, print_json, remarks, results
 from mapgraft.errors import UsageError
 from mapgraft.examples.publishing import publish
@@ -15,6 +16,7 @@ def publish_and_show(
     outs: Sequence[Path], dataset: Path, splits: Sequence[str], licence: str | None, *, as_json: bool
 ) -> None:
     """Publish, and say what the dataset holds now."""
+    tell_unread([*outs, dataset])
     published = publish(outs, dataset, dict(_split(text) for text in splits), licence)
     if as_json:
         print_json({"rows": published.rows, **asdict(published)})

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from mapgraft.commands.unread import tell_unread
 from mapgraft.console import cell, results
 from mapgraft.errors import UsageError
 from mapgraft.examples.labels_csv import exported, imported
@@ -14,6 +15,7 @@ from mapgraft.outputs.staging import writing
 
 def export_and_show(outs: Sequence[Path], to: Path, *, everything: bool) -> None:
     """Write the words to a file; raises UsageError where a folder has no examples."""
+    tell_unread(outs)
     text, count = exported([ExampleFolder(out) for out in outs], everything=everything)
     if not to.absolute().parent.is_dir():
         raise UsageError(f"--out {to}: its folder does not exist; make it, or write elsewhere")
@@ -24,6 +26,7 @@ def export_and_show(outs: Sequence[Path], to: Path, *, everything: bool) -> None
 
 def import_and_show(out: Path, files: Sequence[Path], annotator: str) -> None:
     """Add what CSV files say to the labels of a folder, and say how much of it was new."""
+    tell_unread([out])
     folder = ExampleFolder(out)
     for path in files:
         added, before = imported(folder, path, annotator)

@@ -19,9 +19,9 @@ from mapgraft.evaluation.courses import Course
 from mapgraft.evaluation.document import parameters_of
 from mapgraft.evaluation.growth import Growth
 from mapgraft.examples.collecting import Collector, Origin
-from mapgraft.examples.labels_csv import examples_truth, robots_truth
 from mapgraft.examples.rows import NAME, examples_table
 from mapgraft.examples.truths import GIVEN, RECORDED, Known
+from mapgraft.examples.truths_csv import examples_truth, robots_truth
 from mapgraft.outputs.lock import DATASET, locked
 from mapgraft.outputs.parquet_log import PartWriter, other_parts
 from mapgraft.outputs.provenance import RunProvenance, run_id_of

@@ -57,11 +57,13 @@ def collecting(
 
 def truths_of(
     config: ExamplesConfig,
-    robots: Sequence[str] | Mapping[str, str],
+    robots: Mapping[str, str],
     T_world_map: Mapping[str, Transform],
     buildings: Mapping[str, str],
 ) -> Truths:
-    """What is known of every ordered pair of robots; ``buildings`` are those that persons have named.
+    """What is known of every ordered pair of ``robots``, which tells the stem of each one's recording.
+
+    ``buildings`` are those that persons have named.
 
     Where recorded poses are trusted, robots of two buildings that were named do not belong together. What is given goes
     before what was recorded, and what follows from several pairs is known, too.
@@ -78,12 +80,12 @@ def truths_of(
     return {**completed(truths, robots), **completed(given, robots)}
 
 
-def given_truths(config: ExamplesConfig, robots: Sequence[str] | Mapping[str, str]) -> Truths:
+def given_truths(config: ExamplesConfig, robots: Mapping[str, str]) -> Truths:
     """What the configuration tells itself of pairs of robots, one way round."""
     if isinstance(config.truth, Path):
-        from mapgraft.examples.labels_csv import robots_truth
+        from mapgraft.examples.truths_csv import robots_truth
 
-        told = robots_truth(config.truth)
+        told = robots_truth(config.truth, robots)
         return {pair: known for pair, known in told.items() if pair[0] in robots and pair[1] in robots}
     truths = {}
     for one in config.truth:

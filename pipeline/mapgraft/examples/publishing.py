@@ -6,7 +6,7 @@ What was published stays, and other runs come in beside it; a run that comes aga
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Final
@@ -15,8 +15,8 @@ import pyarrow as pa
 
 from mapgraft.errors import OutputError, UsageError
 from mapgraft.examples.card import CARD, Tally, card
-from mapgraft.examples.judged import judged
-from mapgraft.examples.reading import EXAMPLES, ExampleFolder, ExampleKey, Word, last_words, plain
+from mapgraft.examples.judged import KNOWN_OF, judged
+from mapgraft.examples.reading import EXAMPLES, ExampleFolder, ExampleKey, Word, last_words_on, plain
 from mapgraft.examples.splits import SPLITS, split_by_name, split_of
 from mapgraft.outputs.files import json_bytes
 from mapgraft.outputs.lock import DATASET, locked, require_kind
@@ -28,7 +28,6 @@ from mapgraft_schemas import arrow_schema, table
 FORMAT: Final = "mapgraft dataset 1"
 _NAME: Final = "dataset"
 _DIGITS: Final = 32  # of a part's name: many runs have parts side by side
-_KNOWN_OF: Final = ("example_id", "truth", "truth_by", "truth_T", "T_receiver_donor")
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +125,8 @@ class _Publication:
             holder = next(one for one in holders if any(key.run_id == run_id for key in one.keys))
             made, between = self._write(run_id, holder, words, tally)
             parts += made
-            left_out |= {run_id: between} if between else {}
+            missing = between + self._left_out_of(holder).get(run_id, 0)
+            left_out |= {run_id: missing} if missing else {}
         parts.sort(key=lambda part: part.name)
         self.environments |= {name: self.decided.get(name) or split_by_name(name) for name in tally.environments}
         known = dict(sorted({**self.decided, **self.environments}.items()))
@@ -135,6 +135,12 @@ class _Publication:
         new = {part.name for part in parts}
         self.staging.publish(gone=[part.name for part in self.before.parts if part.name not in new])
         return out
+
+    def _left_out_of(self, holder: ExampleFolder) -> Mapping[str, int]:
+        """What is not in a dataset that examples come from, because it was left out when they were published there."""
+        if holder.path.resolve() == self.dataset.resolve():
+            return self.before.left_out
+        return published_before(holder.path).left_out if (holder.path / DATASET).is_file() else {}
 
     def _moved(self, holders: Sequence[ExampleFolder]) -> set[str]:
         """Runs that are there already, of which an environment is to be in another split than before."""
@@ -161,7 +167,7 @@ class _Publication:
                 left_out += splits.count(None)
                 joined = _joined(batch, run_id, words)
                 for split in sorted({split for split in splits if split is not None}):
-                    rows = joined.filter(pa.array([one == split for one in splits]))
+                    rows = _encoded_anew(joined.filter(pa.array([one == split for one in splits])))
                     if split not in writers:
                         writers[split] = self._writer(run_id, split)
                     writers[split].append(rows)
@@ -189,11 +195,10 @@ class _Publication:
         self.staging.write(DATASET, json_bytes(content))
 
 
-def _words(holders: Iterable[ExampleFolder]) -> dict[ExampleKey, list[Word]]:
+def _words(holders: Sequence[ExampleFolder]) -> dict[ExampleKey, list[Word]]:
     """The last word of every person on every example, wherever it was said."""
-    said = sorted((word for holder in holders for word in holder.words()), key=lambda word: word.said_ns)
     out: dict[ExampleKey, list[Word]] = {}
-    for (key, _), word in last_words(said).items():
+    for (key, _), word in last_words_on(holders).items():
         out.setdefault(key, []).append(word)
     return out
 
@@ -202,7 +207,7 @@ def _joined(batch: pa.Table, run_id: str, words: Mapping[ExampleKey, Sequence[Wo
     """Examples as a dataset holds them, with what is known of them in the end."""
     rows = [
         judged(row, words.get(ExampleKey(run_id, row["example_id"]), ()))
-        for row in plain(batch.select(_KNOWN_OF)).to_pylist()
+        for row in plain(batch.select(KNOWN_OF)).to_pylist()
     ]
     columns = []
     for column in table(_NAME).columns:
@@ -215,6 +220,17 @@ def _joined(batch: pa.Table, run_id: str, words: Mapping[ExampleKey, Sequence[Wo
         else:  # written by a version that did not have it yet
             columns.append(array_of([None] * len(batch), column.type))
     return pa.table(columns, schema=arrow_schema(_NAME))
+
+
+def _encoded_anew(rows: pa.Table) -> pa.Table:
+    """With dictionaries of what is in these rows, in its order: so the same rows are the same bytes, wherever from."""
+    columns = [
+        rows[field.name].cast(field.type.value_type).dictionary_encode().cast(field.type)
+        if pa.types.is_dictionary(field.type)
+        else rows[field.name]
+        for field in rows.schema
+    ]
+    return pa.table(columns, schema=rows.schema)
 
 
 def _tallied(path: Path) -> pa.Table:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
@@ -15,8 +15,9 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from mapgraft.contracts import Transform
-from mapgraft.errors import UsageError
+from mapgraft.errors import TransformError, UsageError
 from mapgraft.outputs.label_parts import LabelParts
+from mapgraft.persons import SAME_PLACE_M, SAME_TURN_RAD
 
 EXAMPLES: Final = "examples"
 WITHDRAWN: Final = "withdrawn"
@@ -48,6 +49,18 @@ class Word:
     said_ns: int
     elapsed_s: float | None
     pose: tuple[float, float, float] | None = None
+
+    def is_about(self, T_receiver_donor: Transform | None) -> bool:
+        """Whether this transform was judged: ids belong to other attempts when a run is made anew, or merges reverted.
+
+        True where nobody wrote down what was judged; None is an attempt that found no transform.
+        """
+        if self.T_judged is None:
+            return True
+        if T_receiver_donor is None:
+            return False
+        shift_m, turn_rad = T_receiver_donor.difference(self.T_judged)
+        return shift_m <= SAME_PLACE_M and turn_rad <= SAME_TURN_RAD
 
 
 class _Place(NamedTuple):
@@ -133,16 +146,21 @@ class ExampleFolder:
         return None if found is None else found["bytes"]
 
     def words(self) -> Sequence[Word]:
-        """All that was ever said of these examples, the earliest first."""
+        """All that was ever said of these examples, the earliest first; also of what was theirs before."""
         said = list(published_words(self))
         for run_id, rows in LabelParts(self.path).new():
             said += _words_of(run_id, rows)
-        once = {(w.key, w.annotator, w.said_ns, w.label): w for w in said if w.key in self._places}
-        return sorted(once.values(), key=lambda word: word.said_ns)
+        return _once(word for word in said if word.key in self._places)
 
     def labels(self) -> Mapping[tuple[ExampleKey, str], Word]:
-        """The last word of each annotator on each example, without those that were withdrawn."""
-        return last_words(self.words())
+        """The last word of each annotator on each example, as ``last_words_on`` tells it."""
+        return last_words_on([self])
+
+    def transforms(self, keys: Collection[ExampleKey]) -> dict[ExampleKey, Transform | None]:
+        """``T_receiver_donor`` of those of these examples that the folder has; None where there is no transform."""
+        at = [number for number, key in enumerate(self.keys) if key in keys]
+        found = self.rows(["T_receiver_donor"])["T_receiver_donor"].take(at).to_pylist() if at else []
+        return {self.keys[number]: _sound(flat) for number, flat in zip(at, found, strict=True)}
 
     def _listed(self, number: int) -> Iterator[tuple[ExampleKey, _Place]]:
         opened = self._file(number)
@@ -172,6 +190,31 @@ class ExampleFolder:
             except (OSError, pa.ArrowInvalid) as error:
                 raise UsageError(f"{self.files[number]} cannot be read ({error}): make it again") from error
         return self._opened[number]
+
+
+def all_words(folders: Sequence[ExampleFolder]) -> list[Word]:
+    """All that was said of the examples of some folders, the earliest first; what several hold, as the first has it."""
+    return _once(word for folder in reversed(folders) for word in folder.words())
+
+
+def _once(words: Iterable[Word]) -> list[Word]:
+    """Words in the order in which they were said; of those that are there twice the one that comes later."""
+    once = {(word.key, word.annotator, word.said_ns, word.label): word for word in words}
+    return sorted(once.values(), key=lambda word: word.said_ns)
+
+
+def last_words_on(folders: Sequence[ExampleFolder]) -> dict[tuple[ExampleKey, str], Word]:
+    """The last word of each annotator on each example of some folders, wherever it was said, if it holds.
+
+    Whoever reads an example reads it from the first folder that has it: a word that judged another transform than that
+    one's is not about it (``Word.is_about``), and no word on it.
+    """
+    said = all_words(folders)
+    spoken_of = {word.key for word in said}
+    judged: dict[ExampleKey, Transform | None] = {}
+    for folder in reversed(folders):
+        judged |= folder.transforms(spoken_of)
+    return last_words(word for word in said if word.is_about(judged[word.key]))
 
 
 def last_words(words: Iterable[Word]) -> dict[tuple[ExampleKey, str], Word]:
@@ -253,6 +296,14 @@ def put_at(T_receiver_donor: Transform | None, x_m: float, y_m: float, yaw_rad: 
         return put
     was = Transform.planar(T_receiver_donor.x_m, T_receiver_donor.y_m, T_receiver_donor.yaw_rad)
     return put @ was.inverse() @ T_receiver_donor
+
+
+def _sound(flat: Sequence[float] | None) -> Transform | None:
+    """A transform from 16 numbers; None also where a stranger's numbers make none."""
+    try:
+        return transform_of(flat)
+    except TransformError:
+        return None
 
 
 def transform_of(flat: Sequence[float] | NDArray[np.float64] | None) -> Transform | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -62,6 +62,14 @@ class LabelParts:
         except (OSError, ValueError, pa.ArrowException) as error:
             self.unread[path] = str(error).partition("\n")[0]
             return None
+
+
+def unread_parts(out: Path) -> Mapping[Path, str]:
+    """The parts of ``labels/`` that cannot be read, and why: what they hold is missing in all that is made of words."""
+    parts = LabelParts(out)
+    for _ in parts.new():
+        pass
+    return parts.unread
 
 
 def gather(out: Path, run_id: str, at_least: int = MANY) -> bool:

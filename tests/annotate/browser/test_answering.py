@@ -185,3 +185,21 @@ def test_one_key_answers_can_be_switched_off(server: Any, examples: Path, visit:
     page.keyboard.press("?")
     assert not page.get_by_label("Answer with one key").is_checked()  # remembered
     assert said(examples, "dictating") == ["unsure"]
+
+
+def test_an_answer_that_was_not_saved_is_never_called_saved(server: Any, examples: Path, visit: Any) -> None:
+    """Whether the server is silent or refuses: the screen reader hears it neither then nor with what comes next."""
+    page = visit(server, "failing")
+    for fault in (lambda route: route.abort(), lambda route: route.fulfill(status=500, body="the disk is full")):
+        page.route("**/label/*", fault)
+        before = shown(page)
+        page.keyboard.press("r")
+        page.wait_for_selector("#alarm:not([hidden])")
+        page.unroute("**/label/*")
+        page.keyboard.press("n")
+        another(page, before)
+        assert "Saved" not in page.locator("#said").text_content()
+    page.complaints.clear()
+    answered(page, "w")
+    page.wait_for_function("document.getElementById('said').textContent.startsWith('Saved: wrong.')")
+    assert said(examples, "failing") == ["wrong"]

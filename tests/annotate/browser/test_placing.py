@@ -317,3 +317,42 @@ def test_one_finger_moves_and_two_turn_and_zoom(server: Any, visit: Any) -> None
     assert np.ptp(zoomed.outline[:, 0]) > 2.0 * np.ptp(turned.outline[:, 0])
     assert zoomed.seen().difference(turned.seen())[0] < 1e-6
     assert page.evaluate("scrollY") == 0
+
+
+@pytest.mark.parametrize("how", ["moved", "turned"])
+def test_a_drag_that_goes_on_does_not_take_the_next_map_along(server: Any, visit: Any, how: str) -> None:
+    """Somebody goes on by a key with the button still down: what is dragged was the map before."""
+    page = visit(server, f"dragging{how}")
+    now, edge = settled(page), page.locator("#stage").bounding_box()
+    x, y = now.knob if how == "turned" else (edge["width"] / 2, edge["height"] / 2)
+    page.mouse.move(edge["x"] + x, edge["y"] + y)
+    page.mouse.down()
+    page.mouse.move(edge["x"] + x + 40, edge["y"] + y + 30, steps=4)
+    assert not np.allclose(settled(page).outline, now.outline)
+    answer(page, "n")
+    before = settled(page)
+    page.mouse.move(edge["x"] + x + 90, edge["y"] + y + 70, steps=4)
+    assert np.allclose(settled(page).outline, before.outline)
+    said = page.locator("#said").text_content()
+    page.mouse.up()
+    assert np.allclose(settled(page).outline, before.outline)
+    assert page.locator("#said").text_content() == said  # nothing was dropped
+    assert page.locator("#stage").get_attribute("data-act") is None
+    drag(page, (x, y), (x + 40, y + 30))
+    assert not np.allclose(settled(page).outline, before.outline)  # the next drag is one again
+
+
+def test_a_drag_that_ends_when_all_is_answered_says_nothing(
+    tmp_path: Path, start: Callable[..., Any], visit: Any
+) -> None:
+    write_toys(tmp_path, 1)
+    page = visit(start(tmp_path), "Ida")
+    edge = page.locator("#stage").bounding_box()
+    page.mouse.move(edge["x"] + edge["width"] / 2, edge["y"] + edge["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(edge["x"] + edge["width"] / 2 + 40, edge["y"] + edge["height"] / 2, steps=4)
+    page.keyboard.press("r")
+    page.locator("#example.done").wait_for()
+    page.mouse.move(edge["x"] + 50, edge["y"] + 50, steps=4)
+    page.mouse.up()  # scripts that fail are complaints, which no test may have
+    assert page.locator("#question").inner_text() == "All answered"

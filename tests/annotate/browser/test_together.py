@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,16 @@ from mapgraft.examples import ExampleFolder
 
 
 def answered(page: Any, key: str) -> int:
-    before = int(page.locator("#stage").get_attribute("data-shown"))
-    page.keyboard.press(key)
-    page.wait_for_selector(f"#stage[data-shown]:not([data-shown='{before}'])")
+    return answered_together([page], key)[0]
+
+
+def answered_together(pages: Sequence[Any], key: str) -> list[int]:
+    """Everybody answers before anybody waits: the answers are on their way at the same time."""
+    before = [int(page.locator("#stage").get_attribute("data-shown")) for page in pages]
+    for page in pages:
+        page.keyboard.press(key)
+    for page, was in zip(pages, before, strict=True):
+        page.wait_for_selector(f"#stage[data-shown]:not([data-shown='{was}'])")
     return before
 
 
@@ -35,8 +42,8 @@ def test_two_annotators_answer_at_once(folder: Path, start: Callable[..., Any], 
     anna, bert = visit(server, "Anna"), visit(server, "Bert")
     judged: dict[str, list[int]] = {"Anna": [], "Bert": []}
     for key in "rrwurwrr":
-        judged["Anna"].append(answered(anna, key))
-        judged["Bert"].append(answered(bert, key))
+        for name, n in zip(judged, answered_together([anna, bert], key), strict=True):
+            judged[name].append(n)
     answered(anna, "r")
     ids = [key.example_id for key in ExampleFolder(folder).keys]
     words = said(folder)

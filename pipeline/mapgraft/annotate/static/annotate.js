@@ -26,6 +26,7 @@ const left = new Map(); // n → what was on the page when it was answered, for 
 let viewMode = false;
 let [acted, asked] = [0, 0]; // when a key or button was pressed last; when one that asks the server was
 let judged = null; // the example whose answer was saved, until it is told what the robot had made of it
+let given = ""; // the answer that is on its way, in words
 let news = ""; // what was saved or undone, told together with what comes next
 
 function arrive() {
@@ -247,13 +248,14 @@ document.addEventListener("htmx:configRequest", (event) => {
   Object.assign(sent, { x_m: x, y_m: y, yaw_rad: yaw, scale, moved: here ? 1 : 0 });
   sent.elapsed_s = ((performance.now() - shown.since) / 1000).toFixed(3);
   left.set(shown.n, { pose: stage.pose, picked: stage.scene.picked, reason: $("note").value });
-  news = `Saved: ${sent.label}${here ? ", with the place" : ""}.`;
+  given = `Saved: ${sent.label}${here ? ", with the place" : ""}.`;
 });
 
 for (const kind of ["keydown", "pointerup"]) document.addEventListener(kind, (event) => (acted = event.timeStamp), true);
 document.addEventListener("answered", (event) => {
   $("alarm").hidden = true;
   judged = event.detail.n;
+  news = given;
 });
 document.addEventListener("undone", () => {
   $("alarm").hidden = true;

@@ -9,7 +9,7 @@ const SNAP_DEG = 0.4;
 
 export function gestures(stage, box, { handle, viewMode, cell, say }) {
   const down = new Map(); // pointer → [u, v]
-  let act = null; // { kind: move | turn | view | pair, … }
+  let act = null; // { kind: move | turn | view | pair, scene, … }
 
   const place = (event) => {
     const edge = box.getBoundingClientRect();
@@ -22,7 +22,7 @@ export function gestures(stage, box, { handle, viewMode, cell, say }) {
     box.setPointerCapture(event.pointerId);
     if (event.pointerType === "mouse") event.preventDefault(); // no picture is dragged, no text selected
     box.focus({ preventScroll: true });
-    act = down.size === 2 ? pair([...down.values()]) : single(event);
+    act = { ...(down.size === 2 ? pair([...down.values()]) : single(event)), scene: stage.scene };
     box.dataset.act = act.kind;
     stage.setTurning(act.kind === "turn");
   });
@@ -53,6 +53,7 @@ export function gestures(stage, box, { handle, viewMode, cell, say }) {
   box.addEventListener("pointermove", (event) => {
     if (!down.has(event.pointerId) || act === null) return;
     down.set(event.pointerId, place(event));
+    if (act.scene !== stage.scene) return end(); // it was meant for the maps that were there before
     if (act.kind === "pair") both([...down.values()]);
     else ({ move: drag, turn, view: lookAround })[act.kind](place(event));
   });
@@ -94,10 +95,14 @@ export function gestures(stage, box, { handle, viewMode, cell, say }) {
   function up(event) {
     if (!down.delete(event.pointerId) || act === null) return;
     const done = act;
+    end();
+    if (done.changed && done.scene === stage.scene) dropped(done.kind);
+  }
+
+  function end() {
     act = null;
-    if (down.size === 0) delete box.dataset.act;
+    delete box.dataset.act;
     stage.setTurning(false);
-    if (done.changed) dropped(done.kind);
   }
   box.addEventListener("pointerup", up);
   box.addEventListener("pointercancel", up);
