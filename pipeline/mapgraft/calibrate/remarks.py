@@ -33,6 +33,11 @@ def remarks(
             f"of {judged_other} examples another than the first hypothesis was judged: where that was right the "
             "first was wrong, where it was wrong nobody knows"
         )
+    if again := counts["of the same two maps as another"]:
+        said.append(
+            f"{again} examples are of the same two maps as another one of their rule, with other settings or another "
+            "time: each two maps count once"
+        )
     for rule, score in scores:
         if score == single(UNFITTED):
             said.append(
