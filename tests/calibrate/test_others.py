@@ -28,7 +28,7 @@ def test_buildings_with_a_handful_of_labels_cannot_vouch_for_another(
     parts = [made("large", 700, seed), *(made(name, 5, seed, wrong_at=1.3, share=0.0) for name in ("b", "c"))]
     accept = fit_of(installed, parts, Asked()).transfer.accept
     assert accept.verdict == "none"
-    assert "no two buildings have the labels by which one could be refuted" in accept.reason
+    assert "no two buildings have labels enough to refute each other: that takes 99 wrong" in accept.reason
 
 
 def test_a_handful_of_labels_can_refute(made: Make, installed: list[Rule]) -> None:

@@ -116,21 +116,21 @@ def _tested(transfer: Transfer) -> list[Sequence[str]]:
         (
             one.building,
             "too few labels of the others" if one.threshold is None else f"{one.threshold:.3f}",
-            *_tried(one.wrong),
+            _tried(one.wrong),
             _share(one.right),
-            *_tried(one.confirmed),
-            *_tried(one.reverted),
+            _tried(one.confirmed),
+            _tried(one.reverted),
             "–" if math.isnan(one.unlike) else f"{one.unlike:.2f}",
         )
         for one in transfer.left_out
     ]
 
 
-def _tried(trial: Trial | None) -> tuple[str, str]:
-    """What share went beyond, and how probable so many are."""
+def _tried(trial: Trial | None) -> str:
+    """How many went beyond, and how probable so many are."""
     if trial is None or not trial.beyond.of:
-        return "–", "–"
-    return trial.beyond.text, f"{trial.doubt:.2g}"
+        return "–"
+    return f"{trial.beyond.count}/{trial.beyond.of}, chance {trial.doubt:.2g}"
 
 
 def _targets(transfer: Transfer) -> list[Sequence[str]]:

@@ -188,8 +188,8 @@ def _by_trials(
     if len(able) < 2:
         return Elsewhere(
             "none",
-            f"no two buildings have the labels by which one could be refuted by the other: {needed(rate)} "
-            f"{_TELLING[kind]} in each",
+            f"no two buildings have labels enough to refute each other: that takes {needed(rate)} {_TELLING[kind]} in "
+            "each",
         )
     few = sorted({name for name, _ in trials} - {*able})
     return Elsewhere(
