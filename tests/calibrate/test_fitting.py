@@ -17,10 +17,10 @@ from mapgraft.calibrate.conformal import threshold
 from mapgraft.calibrate.document import document
 from mapgraft.calibrate.fitting import choice, parts
 from mapgraft.calibrate.groups import Group
+from mapgraft.calibrate.likeness import unlike
 from mapgraft.calibrate.page import page_of
 from mapgraft.calibrate.scoring import fitted, single
 from mapgraft.calibrate.table import rules_text
-from mapgraft.calibrate.transfer import unlike
 from mapgraft.decision import Rule, parse_rules
 from mapgraft.errors import UsageError
 
@@ -107,7 +107,7 @@ def test_the_order_of_examples_makes_no_difference(made: Make, installed: list[R
         assert [f.accept.value for f in one.fits] == [f.accept.value for f in other.fits]
         assert [f.revert and f.revert.value for f in one.fits] == [f.revert and f.revert.value for f in other.fits]
         assert one.score == other.score
-        assert one.transfer.reason == other.transfer.reason
+        assert one.transfer.accept.reason == other.transfer.accept.reason
 
 
 def test_costs_raise_a_threshold_and_never_lower_it(made: Make, installed: list[Rule]) -> None:
@@ -122,19 +122,19 @@ def test_costs_raise_a_threshold_and_never_lower_it(made: Make, installed: list[
 
 def test_buildings_that_differ_too_much_carry_no_guarantee(made: Make, installed: list[Rule]) -> None:
     found = fit_of(calibrate(labels(made("easy", 500, 1), made("hard", 500, 2, wrong_at=2.5)), installed, Asked(0.02)))
-    assert found.transfer.verdict == "none"
-    assert "in hard would be accepted" in found.transfer.reason
+    assert found.transfer.accept.verdict == "none"
+    assert "in hard would be accepted" in found.transfer.accept.reason
 
 
 def test_alike_buildings_are_not_refuted_but_guarantee_nothing(made: Make, installed: list[Rule]) -> None:
     found = fit_of(calibrate(labels(*(made(name, 400, n) for n, name in enumerate("abc"))), installed, Asked(0.02)))
-    assert found.transfer.verdict == "not refuted"
-    assert "3 buildings give no bound below 25 %" in found.transfer.reason
+    assert found.transfer.accept.verdict == "not refuted"
+    assert "3 buildings give no bound below 25 %" in found.transfer.accept.reason
 
 
 def test_one_building_says_nothing_about_another(made: Make, installed: list[Rule]) -> None:
     found = fit_of(calibrate(labels(made("a", 400, 1)), installed, Asked(0.02)))
-    assert (found.transfer.verdict, found.transfer.left_out) == ("none", [])
+    assert (found.transfer.accept.verdict, found.transfer.left_out) == ("none", [])
 
 
 def test_with_buildings_enough_a_further_one_keeps_the_promise(made: Make, installed: list[Rule]) -> None:
@@ -144,7 +144,7 @@ def test_with_buildings_enough_a_further_one_keeps_the_promise(made: Make, insta
         middles = rng.normal(0.0, 1.5, 12)
         known = [made(f"b{n}", 40, 100 * seed + n, wrong_at=m) for n, m in enumerate(middles[:-2].tolist())]
         found = fit_of(calibrate(labels(*known), installed, Asked(0.2)))
-        assert found.transfer.verdict == "guaranteed"
+        assert found.transfer.accept.verdict == "guaranteed"
         limit = found.fits[0].accept
         for middle in middles[-2:].tolist():
             fresh = [e for e in made("new", 60, 9000 + seed, wrong_at=middle) if e.right is False]
@@ -163,7 +163,7 @@ def test_maps_unlike_those_labelled_are_told(made: Make, installed: list[Rule], 
     for meant, verdict in ((like, "not refuted"), (like[:20], "none"), (unlike_, "none"), (other, "none")):
         blind = [dataclasses.replace(example, right=None, by="") for example in meant]
         found = fit_of(calibrate(known, installed, Asked(0.02), labels(blind)))
-        assert found.transfer.verdict == verdict
+        assert found.transfer.accept.verdict == verdict
         assert found.transfer.target[0].refuted == (verdict == "none")
 
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from mapgraft.calibrate import Labelled, read_labels
+from mapgraft.calibrate import Asked, Labelled, calibrate, read_labels
+from mapgraft.decision import Rule
 from mapgraft.errors import UsageError
 
 Make = Callable[..., list[Labelled]]
@@ -111,3 +112,109 @@ def test_rules_that_a_calibration_made_are_the_one_they_were_made_of(made: Make,
 
     labels = read_labels([write_folder("d", examples, rows=renamed)])
     assert {example.group for example in labels.examples} == {examples[0].group}
+
+
+def drawn(row: dict[str, Any]) -> dict[str, Any]:
+    """As an evaluation tells of a pair of windows."""
+    return row | {"pair_sha256": f"{row['position']:064x}", "recording_sha256": ["f" * 64]}
+
+
+def test_the_same_pairs_read_from_several_evaluations_are_no_further_labels(
+    made: Make, installed: list[Rule], write_folder: WriteFolder
+) -> None:
+    examples = made("a", 50, 1, share=0.0)
+    folders = [write_folder(f"resolution-{n}", examples, rows=drawn) for n in range(4)]
+    for count in (1, 4):
+        labels = read_labels(folders[:count])
+        assert len(labels.examples) == 50 * count
+        assert len({e.unit for e in labels.examples}) == 50
+        assert labels.counts["of the same two maps as another"] == 50 * (count - 1)
+        found = calibrate(labels, installed, Asked(0.01))
+        assert {fit.accept.missing for fit in found.rules[0].fits} == {49}
+        assert any("each two maps count once" in remark for remark in found.remarks) == (count > 1)
+
+
+def test_two_robots_that_were_run_a_hundred_times_are_one_label(made: Make, write_folder: WriteFolder) -> None:
+    def met(row: dict[str, Any]) -> dict[str, Any]:
+        names = ("x", "y") if row["position"] % 2 else ("y", "x")
+        return row | {"merge_id": "x.y.1", "receiver": names[0], "donor": names[1], "recording_sha256": ["f" * 64]}
+
+    examples = made("a", 3, 1)
+    runs = [write_folder(f"run-{n}", examples, rows=met) for n in range(10)]
+    assert len({e.unit for e in read_labels(runs).examples}) == 1
+    other = write_folder("other", examples, rows=lambda row: met(row) | {"recording_sha256": ["0" * 64]})
+    assert len({e.unit for e in read_labels([*runs, other]).examples}) == 2
+
+
+def test_pairs_of_versions_that_told_no_digest_are_known_by_what_was_drawn(
+    made: Make, write_folder: WriteFolder
+) -> None:
+    def old(row: dict[str, Any]) -> dict[str, Any]:
+        return row | {"recording_sha256": ["f" * 64], "stamp": 1000 + row["position"], "receiver_version": 30}
+
+    examples = made("a", 20, 1)
+    coarse, fine = (write_folder(name, examples, rows=old) for name in ("coarse", "fine"))
+    seed = write_folder("seed", examples, rows=lambda row: old(row) | {"stamp": 5000 + row["position"]})
+    assert len({e.unit for e in read_labels([coarse, fine]).examples}) == 20
+    assert len({e.unit for e in read_labels([coarse, seed]).examples}) == 40
+
+
+def same_run(row: dict[str, Any]) -> dict[str, Any]:
+    return row | {"run_id": "run-out"}
+
+
+def test_test_examples_stay_aside_in_whichever_order_folders_are_named(made: Make, write_folder: WriteFolder) -> None:
+    train, test = made("a", 30, 1), made("b", 20, 2)
+    out = write_folder("out", train + test)
+    dataset = write_folder("ds", train, words=[{}] * 30, split="train", rows=same_run)
+    write_folder("ds", test, words=[{}] * 20, split="test", rows=lambda row: same_run(moved(row)))
+    for order in ((out, dataset), (dataset, out)):
+        labels = read_labels(order)
+        assert labels.buildings == ["a"]
+        assert labels.counts["held back for testing"] == 20
+        assert labels.counts["repeated"] == 50
+        assert len(read_labels(order, held_back=True).examples) == 50
+
+
+def moved(row: dict[str, Any]) -> dict[str, Any]:
+    """The row in the place that it has behind thirty others."""
+    position = row["position"] + 30
+    return row | {"position": position, "example_id": f"{position}.judged"}
+
+
+def test_other_examples_of_the_same_two_maps_stay_aside_with_them(made: Make, write_folder: WriteFolder) -> None:
+    test = made("b", 20, 2)
+    dataset = write_folder("ds", test, words=[{}] * 20, split="test", rows=lambda row: drawn(row) | {"run_id": "x"})
+    again = write_folder("again", test + made("b", 10, 3), rows=drawn)
+    for order in ((again, dataset), (dataset, again)):
+        labels = read_labels(order)
+        assert (len(labels.examples), labels.counts["held back for testing"]) == (10, 40)
+
+
+def test_words_count_in_whichever_folder_they_were_said(made: Make, write_folder: WriteFolder) -> None:
+    examples = made("a", 10, 1)
+    out = write_folder("out", examples, truth=False)
+    words = [{"ann": "right"}] * 5 + [{}] * 5
+    dataset = write_folder("ds", examples, words=words, split="train", truth=False, rows=same_run)
+    for order in ((out, dataset), (dataset, out)):
+        labels = read_labels(order)
+        assert [e.right for e in labels.examples] == [True] * 5 + [None] * 5
+        assert labels.annotators == {"ann": 5}
+
+
+def test_what_was_seen_of_another_hypothesis_is_nothing_of_the_first(made: Make, write_folder: WriteFolder) -> None:
+    first = [{"hypothesis": 0, "name": "score", "value": 5.0}]
+    examples = made("a", 20, 1, watched=True)
+    folder = write_folder("d", examples, rows=lambda row: row | {"chosen": 1, "rivals": first, "state": "reverted"})
+    for example in read_labels([folder]).examples:
+        assert (example.looks, example.right_later, example.reverted) == ((), None, False)
+
+
+def test_one_moment_may_be_looked_at_twice(made: Make, write_folder: WriteFolder) -> None:
+    entry = {"stamp": 5, "observations": 10, "metric": "posterior", "value": 0.05, "support": 1}
+    told = [entry, entry | {"metric": "paths", "value": 1.0}, entry | {"value": 0.9}]
+    labels = read_labels([write_folder("d", made("a", 1, 1), rows=lambda row: row | {"history": told})])
+    assert [look.numbers for look in labels.examples[0].looks] == [
+        {"posterior": 0.05, "paths": 1.0},
+        {"posterior": 0.9},
+    ]

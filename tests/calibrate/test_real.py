@@ -25,7 +25,7 @@ def test_examples_of_a_real_log_set_thresholds_that_the_engine_goes_by(shared_da
     assert invoke(["calibrate", str(tmp_path / "known"), "-o", str(out), *rates]) == 0
     found = json.loads((out / "calibration.json").read_text(encoding="utf-8"))["rules"][0]
     above = found["groups"][0]["accept"]["above"]
-    assert found["other_buildings"]["verdict"] == "none"  # of one building
+    assert found["other_buildings"]["accept"]["verdict"] == "none"  # of one building
     fresh = ["--pairs", "6", "--rules", str(out / "rules.yaml"), "--examples", str(tmp_path / "fresh")]
     assert invoke(["evaluate", log, *drawn[:4], "--seed", "4", *drawn[6:], *fresh]) == 0
     for example in read_labels([tmp_path / "fresh"]).examples:

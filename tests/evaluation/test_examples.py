@@ -12,8 +12,9 @@ from mapgraft.config import parse_config
 from mapgraft.contracts import Transform
 from mapgraft.errors import OutputError, UsageError
 from mapgraft.evaluation import Course, Drawing, Settings, draw_pairs, evaluate, evaluate_courses
-from mapgraft.evaluation.courses import joined
-from mapgraft.evaluation.exemplified import environment_of, joined_by, told_of
+from mapgraft.evaluation.bench import Bench
+from mapgraft.evaluation.courses import joined, load_courses
+from mapgraft.evaluation.exemplified import Identified, environment_of, joined_by, told_of
 from mapgraft.evaluation.truth import RIGHT_M
 from mapgraft.examples import ExampleFolder, transform_of
 from mapgraft.examples.labels_csv import exported
@@ -116,6 +117,7 @@ def test_a_folder_of_examples_is_the_same_each_time_and_takes_labels_back(evalua
     key = folder.keys[1]
     row = folder.row(key)
     assert row["software"] and len(row["config_sha256"]) == 64 and len(row["recording_sha256"]) == 3
+    assert len({folder.row(key)["pair_sha256"] for key in folder.keys}) == 3
     moved = Transform.planar(1.5, 0.0, 0.0) @ transform_of(row["truth_T"])
     label(
         one,
@@ -135,6 +137,21 @@ def test_a_folder_of_examples_is_the_same_each_time_and_takes_labels_back(evalua
     assert [told.row(k)["truth_by"] for k in told.keys] == ["recorded poses", "given", "recorded poses"]
     T = transform_of(told.row(key)["truth_T"])
     assert T is not None and T.difference(moved)[0] < 1e-6
+
+
+def test_the_same_two_windows_have_the_same_digest_whatever_else_is_set(plugins, rules):
+    files, _, _ = demo_files()
+    courses = load_courses(files, CONFIG, plugins)
+
+    def identified(resolution_m=0.1, pairs=12, seed=1):
+        drawing = Drawing(pairs, scans=12, further=4, across=0.0, seed=seed)
+        settings = Settings(drawing, rules=rules, matcher="correlation", baseline=False, resolution_m=resolution_m)
+        return Identified.of(files, Bench(courses, CONFIG, plugins, settings), {})
+
+    first, again = identified(), identified(resolution_m=0.2, pairs=7)
+    assert len(set(first.pairs)) == 12 and {len(digest) for digest in first.pairs} == {64}
+    assert again.run_id != first.run_id and again.pairs == first.pairs[:7]
+    assert not {*identified(seed=2).pairs} & {*first.pairs}
 
 
 def test_an_example_that_the_evaluation_does_not_have_is_named(tmp_path):

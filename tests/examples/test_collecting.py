@@ -22,6 +22,7 @@ from mapgraft.errors import ConfigError, UsageError
 from mapgraft.events import Event, Snapshot
 from mapgraft.examples import ExampleFolder, ExampleKey, transform_of
 from mapgraft.examples.looks import MOST, Looks
+from mapgraft.examples.pairs import pair_sha256, source_of
 from mapgraft.examples.pictures import cells_of
 from mapgraft_recordings import demo_files
 
@@ -204,6 +205,30 @@ def test_tables_join_on_the_merge_id(ran):
         "ON x.run_id = e.run_id AND x.merge_id = e.merge_id AND x.seq = e.seq"
     ).fetchall()
     assert found == [(len(ran.folder),)]
+
+
+def test_two_robots_have_one_digest_whoever_receives(ran):
+    digests = {}
+    for row in ran.rows().values():
+        digests.setdefault(frozenset((row["receiver"], row["donor"])), set()).add(row["pair_sha256"])
+    assert all(len(found) == 1 for found in digests.values())
+    assert len(set.union(*digests.values())) == len(digests) > 1
+
+
+def test_a_pair_is_known_by_what_its_files_hold_and_its_robots(tmp_path):
+    contents = {tmp_path / "one.bag": "1" * 64, tmp_path / "two.bag": "2" * 64}
+    (tmp_path / "link.bag").symlink_to(tmp_path / "one.bag")
+    ours, theirs = (source_of(contents, [str(path)], "alpha") for path in contents)
+    assert ours == source_of(contents, [str(tmp_path / "link.bag")], "alpha@one") != theirs
+    assert source_of(contents, map(str, contents), "alpha") == source_of(
+        contents, map(str, reversed(contents)), "alpha"
+    )
+    assert len({ours, source_of(contents, [str(tmp_path / "one.bag")], "alpha~2")}) == 2  # another life of its frame
+    assert len({source_of(contents, [str(tmp_path / "one.bag")], "alpha", *when) for when in ((), (0, 9), (0, 8))}) == 3
+    other = {tmp_path / "one.bag": "3" * 64}
+    assert source_of(other, [str(tmp_path / "one.bag")], "alpha") not in (ours, theirs)
+    assert source_of(contents, [str(tmp_path / "none.bag")], "alpha") != source_of(other, ["none.bag"], "alpha")
+    assert pair_sha256(ours, theirs) == pair_sha256(theirs, ours) != pair_sha256(ours, ours)
 
 
 def test_keys_are_the_runs(ran):

@@ -111,7 +111,10 @@ def _limit(limit: Limit | None) -> dict[str, Any] | None:
         "set_by": None if limit.set_by is None else limit.set_by.name,
         "labels": limit.labels,
         "missing": limit.missing,
+        "why_none": limit.why or None,
+        "unwatched": limit.unwatched,
         "within_observations": limit.observations,
+        "environments": [dataclasses.asdict(share) for share in limit.environments],
         "beyond": None if limit.harm is None else dataclasses.asdict(limit.harm),
         "beyond_of_the_others": None if limit.gain is None else dataclasses.asdict(limit.gain),
     }

@@ -12,12 +12,15 @@ import numpy as np
 from mapgraft.calibrate.acceptance import Floor, Threshold, acceptance, accepted, cost_floor, members
 from mapgraft.calibrate.groups import Group
 from mapgraft.calibrate.labelled import Labelled, Labels
+from mapgraft.calibrate.others import Promised, left_out
 from mapgraft.calibrate.quality import Quality, quality
 from mapgraft.calibrate.rates import Rate
-from mapgraft.calibrate.remarks import remarks
+from mapgraft.calibrate.remarks import remarks, unwatched
 from mapgraft.calibrate.scoring import UNFITTED, Score, fitted, single
-from mapgraft.calibrate.transfer import Transfer, building_threshold, judged, left_out, target_of
-from mapgraft.calibrate.watching import Limit, Test, Watch
+from mapgraft.calibrate.sequential import Test
+from mapgraft.calibrate.taking import Taking, vetoes_of
+from mapgraft.calibrate.transfer import Transfer, building_threshold, judged, target_of
+from mapgraft.calibrate.watching import Limit, Watch
 from mapgraft.decision import Rule
 from mapgraft.errors import UsageError
 
@@ -140,9 +143,10 @@ def calibrate(labels: Labels, rules: Sequence[Rule], asked: Asked, meant: Labels
         if rule.name in told and rule.reject is None
     ]
     others = [rule for rule in rules if rule.name not in told]
-    return Calibration(
-        asked, labels, fits, others, remarks(labels, told, by_name, [(fit.rule.name, fit.score) for fit in fits])
-    )
+    said = remarks(labels, told, by_name, [(fit.rule.name, fit.score) for fit in fits])
+    for fit in fits:
+        said += unwatched(fit.rule.name, [limit for one in fit.fits for limit in (one.revert, one.confirm) if limit])
+    return Calibration(asked, labels, fits, others, said)
 
 
 def _rule(rule: Rule, examples: Sequence[Labelled], meant: Sequence[Labelled], asked: Asked) -> RuleFit:
@@ -159,12 +163,21 @@ def _rule(rule: Rule, examples: Sequence[Labelled], meant: Sequence[Labelled], a
     everywhere = building_threshold(setting, score, asked.false_accept)
     if math.isfinite(everywhere) and everywhere > floor.value:
         floor = Floor(everywhere, "buildings, of which a further one is promised, too,")
-    fits = _fits(setting, examples, score, rule, asked, floor)
-    tested = [left_out(examples, name, choose, asked.false_accept) for name in buildings] if len(buildings) > 1 else []
+    promised = _promised(rule, asked)
+    fits = _fits(setting, examples, score, promised, floor, rule)
+    tested = [left_out(examples, name, choose, promised) for name in buildings] if len(buildings) > 1 else []
     limits = {fit.group: fit.accept.value for fit in fits}
     apart = max((one.unlike for one in tested if not math.isnan(one.unlike)), default=0.0)
     targets = target_of(setting, meant, score, limits, apart)
-    transfer = judged(len(buildings), asked.false_accept, tested, targets, by_buildings=math.isfinite(everywhere))
+    transfer = judged(
+        len(buildings),
+        promised,
+        tested,
+        targets,
+        by_buildings=math.isfinite(everywhere),
+        confirms=any(fit.confirm is not None and fit.confirm.value is not None for fit in fits),
+        reverts=any(fit.revert is not None and fit.revert.value is not None for fit in fits),
+    )
     return RuleFit(
         rule, score, len(examples), len(setting), fits, known, transfer, _by_quality(setting, score, rule, asked)
     )
@@ -206,14 +219,25 @@ def _log_odds(rule: Rule) -> str:
     return f"{metric or 'posterior'}.log_odds"
 
 
+def _promised(rule: Rule, asked: Asked) -> Promised:
+    """What is asked for, and what of the rule it hangs on."""
+    test = _test(rule) if rule.verify is not None and rule.verify.use == SEQUENTIAL else None
+    return Promised(asked.false_accept, asked.false_confirm, asked.false_revert, vetoes_of(rule), test)
+
+
 def _fits(
-    setting: Sequence[Labelled], examples: Sequence[Labelled], score: Score, rule: Rule, asked: Asked, floor: Floor
+    setting: Sequence[Labelled],
+    examples: Sequence[Labelled],
+    score: Score,
+    promised: Promised,
+    floor: Floor,
+    rule: Rule,
 ) -> list[Fit]:
     """All groups of a rule, the finest first: thresholds, then the limits of what they let through."""
     finest = sorted({example.group for example in examples}, key=lambda group: group.name)
     steps = [step for level in range(3) for group in finest for step in group.coarser[level : level + 1]]
-    limits = {group: acceptance(setting, score, group, asked.false_accept, floor) for group in dict.fromkeys(steps)}
-    return [_fit(group, limits, setting, score, rule, asked) for group in limits]
+    limits = {group: acceptance(setting, score, group, promised.accept, floor) for group in dict.fromkeys(steps)}
+    return [_fit(group, limits, setting, score, promised, rule) for group in limits]
 
 
 def _fit(
@@ -221,18 +245,18 @@ def _fit(
     limits: Mapping[Group, Threshold],
     setting: Sequence[Labelled],
     score: Score,
+    promised: Promised,
     rule: Rule,
-    asked: Asked,
 ) -> Fit:
     limit, here = limits[group], members(setting, group)
     same = {example.group: limit for example in here}
     right, wrong = (accepted(here, score, same, right=kind) for kind in (True, False))
     revert, confirm, falls = None, None, True
-    if rule.verify is not None and rule.verify.use == SEQUENTIAL and math.isfinite(limit.value):
+    if promised.test is not None and math.isfinite(limit.value):
         by = limits if group.resolutions else dict.fromkeys(limits, limit)  # what takes the members of a coarser group
-        watch = Watch(setting, lambda e: by[e.group].passes(score.of(e.numbers)), _test(rule))
-        revert, falls = watch.reversal(group, asked.false_revert)
-        confirm = watch.confirmation(group, asked.false_confirm, revert.value)
+        watch = Watch(setting, Taking(score, by, promised.vetoes), promised.test)
+        revert, falls = watch.reversal(group, promised.revert)
+        confirm = watch.confirmation(group, promised.confirm, revert.value)
     kept = None if rule.verify is None or rule.verify.use == SEQUENTIAL else _kept(here)
     return Fit(group, limit, revert, confirm, falls, wrong, right, _by_overlap(here, score, same), kept)
 

@@ -10,23 +10,27 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from mapgraft.calibrate.groups import Group, told
+from mapgraft.calibrate.units import UNIT_COLUMNS, Unit, unit_of
 from mapgraft.errors import UsageError
-from mapgraft.examples.reading import ExampleFolder, ExampleKey, plain
+from mapgraft.examples.reading import ExampleFolder, ExampleKey, last_words_on, plain
 
 By = Literal["truth", "persons", ""]
 HELD_BACK: Final = "test"  # the split that nothing is ever fitted on
 BOTH: Final = "+"  # between the names of two buildings
 _COLUMNS: Final = (
-    *("run_id", "split", "example_id", "merge_id", "environment", "receiver", "donor", "receiver_type", "donor_type"),
-    *("receiver_resolution_m", "donor_resolution_m", "receiver_quality", "donor_quality", "reversal", "rule"),
-    *("matcher", "verdict", "state", "chosen", "evidence", "rivals", "history", "truth", "truth_final", "overlap"),
-    "truth_overlap",
+    *UNIT_COLUMNS,
+    *("split", "environment", "receiver_type", "donor_type", "receiver_resolution_m", "donor_resolution_m"),
+    *("receiver_quality", "donor_quality", "reversal", "rule", "matcher", "verdict", "state", "chosen", "evidence"),
+    *("rivals", "history", "truth", "truth_final", "overlap", "truth_overlap"),
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What verification measured at one time, by name; ``observations`` are those of the receiver since the merge."""
+    """What verification measured anew at one time, by name; ``observations`` are those of the receiver since the merge.
+
+    What is not told was not measured again: it is as it was.
+    """
 
     observations: int
     numbers: Mapping[str, float]
@@ -38,12 +42,12 @@ class Labelled:
 
     ``numbers`` are those of the matcher's first hypothesis, and ``right`` says whether that is right, None where nobody
     knows; ``contested`` that persons disagree. ``unit`` is what can be taken for independent in its building: the same
-    two robots who met again are one. Of a merge ``looks`` are what was seen of it, and ``right_later`` says whether it
-    lies right in the end; ``reverted`` that it was taken out, after which nobody looked, ``confirmed`` that it was and
-    stayed.
+    two maps are one, however often they were matched (``units.unit_of``). Where the first hypothesis was merged
+    ``looks`` are what was seen of it, and ``right_later`` says whether it lies right in the end; ``reverted`` that it
+    was taken out, after which nobody looked, ``confirmed`` that it was and stayed.
     """
 
-    unit: tuple[str, ...]
+    unit: Unit
     environment: str
     group: Group
     matcher: str
@@ -87,29 +91,29 @@ class Labels:
 def read_labels(paths: Iterable[Path], *, without: Sequence[str] = (), held_back: bool = False) -> Labels:
     """The examples of output folders and datasets; ``without`` names buildings that are left out.
 
-    What a dataset has put aside for testing is not read unless ``held_back`` says so. An example that several folders
-    hold is read once. Raises UsageError when a folder cannot be read or there is no example.
+    What a dataset has put aside for testing is not read unless ``held_back`` says so, from wherever it comes: neither
+    the same example in another folder, nor another one of the same two maps. An example that several folders hold is
+    read once, with what was said of it in any of them. Raises UsageError when a folder cannot be read or there is no
+    example.
     """
-    labels, seen = Labels(), set[tuple[str, str]]()
-    for path in paths:
-        folder = ExampleFolder(path)
-        words: dict[ExampleKey, dict[str, str]] = {}
-        for (key, annotator), word in folder.labels().items():
-            words.setdefault(key, {})[annotator] = word.label
-        labels.folders.append(path.name)
-        table = plain(folder.rows(list(_COLUMNS)))
-        for row in table.to_pylist():
+    folders = [ExampleFolder(path) for path in paths]
+    labels, seen = Labels(folders=[folder.path.name for folder in folders]), set[ExampleKey]()
+    words, aside = _said(folders), set() if held_back else _put_aside(folders)
+    for folder in folders:
+        for row in plain(folder.rows(list(_COLUMNS))).to_pylist():
             key = ExampleKey(row["run_id"], row["example_id"])
             if key in seen:
                 labels.counts["repeated"] += 1
                 continue
             seen.add(key)
-            if row.get("split") == HELD_BACK and not held_back:
+            if key in aside or unit_of(row) in aside:
                 labels.counts["held back for testing"] += 1
             elif set(row["environment"].split(BOTH)) & set(without):
                 labels.counts["left out by name"] += 1
             else:
                 _add(labels, row, words.get(key, {}))
+    if again := len(labels.examples) - len({(example.group.rule, example.unit) for example in labels.examples}):
+        labels.counts["of the same two maps as another"] = again
     if not labels.examples:
         why = ", ".join(f"{count} {what}" for what, count in sorted(labels.counts.items()))
         raise UsageError(
@@ -117,6 +121,24 @@ def read_labels(paths: Iterable[Path], *, without: Sequence[str] = (), held_back
             f"{f' ({why})' if why else ''}: run or evaluate with --examples"
         )
     return labels
+
+
+def _said(folders: Sequence[ExampleFolder]) -> dict[ExampleKey, dict[str, str]]:
+    """The last word of every annotator on every example, in whichever folder it was said."""
+    words: dict[ExampleKey, dict[str, str]] = {}
+    for (key, annotator), word in last_words_on(folders).items():
+        words.setdefault(key, {})[annotator] = word.label
+    return words
+
+
+def _put_aside(folders: Sequence[ExampleFolder]) -> set[tuple[str, ...]]:
+    """What is for testing only: keys of examples, and units."""
+    aside: set[tuple[str, ...]] = set()
+    for folder in folders:
+        for row in plain(folder.rows([*UNIT_COLUMNS, "split"])).to_pylist():
+            if row.get("split") == HELD_BACK:
+                aside |= {ExampleKey(row["run_id"], row["example_id"]), unit_of(row)}
+    return aside
 
 
 def _add(labels: Labels, row: Mapping[str, Any], words: Mapping[str, str]) -> None:
@@ -136,10 +158,10 @@ def _add(labels: Labels, row: Mapping[str, Any], words: Mapping[str, str]) -> No
     if by == "truth" and any((said == "right") != right for said in words.values() if said in ("right", "wrong")):
         labels.counts["a person contradicts the truth"] += 1
     labels.counts["by " + by if by else "unlabelled"] += 1
-    merged = row["verdict"] == "provisional"
+    watched = row["verdict"] == "provisional" and not row["chosen"]  # the first hypothesis itself
     labels.examples.append(
         Labelled(
-            unit=_unit(row),
+            unit=unit_of(row),
             environment=row["environment"],
             group=_group(row),
             matcher=row["matcher"],
@@ -147,10 +169,10 @@ def _add(labels: Labels, row: Mapping[str, Any], words: Mapping[str, str]) -> No
             right=right,
             by=by,
             contested=contested,
-            looks=_looks(row.get("history") or ()) if merged else (),
-            right_later=later if merged and not row["chosen"] else None,
-            reverted=row["state"] == "reverted",
-            confirmed=row["state"] == "confirmed",
+            looks=_looks(row.get("history") or ()) if watched else (),
+            right_later=later if watched else None,
+            reverted=watched and row["state"] == "reverted",
+            confirmed=watched and row["state"] == "confirmed",
             quality=_lower(row.get("receiver_quality"), row.get("donor_quality")),
             overlap=row.get("truth_overlap") if row.get("truth_overlap") is not None else row.get("overlap"),
         )
@@ -191,19 +213,17 @@ def _group(row: Mapping[str, Any]) -> Group:
     return replace(group, rule=base)
 
 
-def _unit(row: Mapping[str, Any]) -> tuple[str, ...]:
-    """The same two robots of a run who meet again are one; pairs of an evaluation were drawn one by one."""
-    if row["merge_id"] is None:
-        return row["run_id"], row["example_id"].partition(".")[0]
-    return row["run_id"], *sorted((row["receiver"], row["donor"]))
-
-
 def _looks(history: Iterable[Mapping[str, Any]]) -> list[Look]:
-    looks: dict[tuple[int, int], dict[str, float]] = {}
+    """Looks in their order; where one moment tells a number twice it was looked at twice."""
+    looks: list[Look] = []
+    told: dict[str, float] = {}
+    at = None
     for entry in history:
-        value = math.nan if entry["value"] is None else entry["value"]
-        looks.setdefault((entry["stamp"], entry["observations"]), {})[entry["metric"]] = value
-    return [Look(observations, numbers) for (_, observations), numbers in looks.items()]
+        if (entry["stamp"], entry["observations"]) != at or entry["metric"] in told:
+            at, told = (entry["stamp"], entry["observations"]), {}
+            looks.append(Look(entry["observations"], told))
+        told[entry["metric"]] = math.nan if entry["value"] is None else entry["value"]
+    return looks
 
 
 def _lower(*values: float | None) -> float | None:

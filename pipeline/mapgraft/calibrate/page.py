@@ -9,10 +9,11 @@ from typing import Any
 from mapgraft import __version__
 from mapgraft.calibrate.charts import charts
 from mapgraft.calibrate.fitting import Calibration, Fit, RuleFit, choice
+from mapgraft.calibrate.others import Trial
 from mapgraft.calibrate.plots import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH
 from mapgraft.calibrate.rates import Rate
 from mapgraft.calibrate.table import told, written
-from mapgraft.calibrate.transfer import Transfer
+from mapgraft.calibrate.transfer import SAID_OF, Transfer
 from mapgraft.calibrate.watching import Limit
 from mapgraft.pages import render
 
@@ -50,7 +51,6 @@ def _rule(calibration: Calibration, rule_fit: RuleFit, number: int) -> dict[str,
     rule, transfer = rule_fit.rule, rule_fit.transfer
     examples = [e for e in calibration.labels.labelled if e.group.rule == rule.name]
     _, setting = choice(examples, rule, calibration.asked)
-    tone, verdict = _VERDICTS[transfer.verdict]
     score = rule_fit.score
     return {
         "name": rule.name,
@@ -64,9 +64,10 @@ def _rule(calibration: Calibration, rule_fit: RuleFit, number: int) -> dict[str,
         "rows": [_row(fit) for fit in written(rule_fit)],
         "said": [(fit.group.name, told(fit, rule_fit)) for fit in written(rule_fit)],
         "cells": _cells(rule_fit),
-        "tone": tone,
-        "verdict": verdict,
-        "reason": transfer.reason[:1].upper() + transfer.reason[1:],
+        "elsewhere": [
+            (SAID_OF[kind], *_VERDICTS[said.verdict], said.reason[:1].upper() + said.reason[1:])
+            for kind, said in transfer.told
+        ],
         "tested": _tested(transfer),
         "targets": _targets(transfer),
         "charts": charts(rule_fit, setting),
@@ -91,7 +92,9 @@ def _row(fit: Fit) -> dict[str, str]:
 def _limit(limit: Limit | None, takes: bool, word: str) -> str:
     if limit is None:
         return "as it was" if takes else "–"
-    return f"{word} {limit.value:.2f}" if limit.value is not None else f"{limit.missing} labels missing"
+    if limit.value is None:
+        return f"{limit.missing} labels missing" if limit.missing else "not promised"
+    return f"{word} {limit.value:.2f}"
 
 
 def _share(rate: Rate) -> str:
@@ -113,13 +116,21 @@ def _tested(transfer: Transfer) -> list[Sequence[str]]:
         (
             one.building,
             "too few labels of the others" if one.threshold is None else f"{one.threshold:.3f}",
-            _share(one.wrong),
+            _tried(one.wrong),
             _share(one.right),
-            "–" if math.isnan(one.doubt) else f"{one.doubt:.2g}",
+            _tried(one.confirmed),
+            _tried(one.reverted),
             "–" if math.isnan(one.unlike) else f"{one.unlike:.2f}",
         )
         for one in transfer.left_out
     ]
+
+
+def _tried(trial: Trial | None) -> str:
+    """How many went beyond, and how probable so many are."""
+    if trial is None or not trial.beyond.of:
+        return "–"
+    return f"{trial.beyond.count}/{trial.beyond.of}, chance {trial.doubt:.2g}"
 
 
 def _targets(transfer: Transfer) -> list[Sequence[str]]:

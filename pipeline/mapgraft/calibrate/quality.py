@@ -10,8 +10,7 @@ import numpy as np
 
 from mapgraft.calibrate.labelled import Labelled
 from mapgraft.calibrate.regression import Bin, Curve, Vector, brier, log_loss, probability_curve, reliability
-from mapgraft.calibrate.scoring import Score
-from mapgraft.calibrate.transfer import Choose
+from mapgraft.calibrate.scoring import Choose, Score
 from mapgraft.evaluation.statistics import Area, area, resampled
 
 

@@ -6,8 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 
 from mapgraft.calibrate.labelled import Labels
+from mapgraft.calibrate.likeness import KOLMOGOROV, unlike
 from mapgraft.calibrate.scoring import UNFITTED, Score, single
-from mapgraft.calibrate.transfer import KOLMOGOROV, unlike
+from mapgraft.calibrate.watching import Limit
 from mapgraft.decision import Rule
 
 
@@ -33,6 +34,11 @@ def remarks(
             f"of {judged_other} examples another than the first hypothesis was judged: where that was right the "
             "first was wrong, where it was wrong nobody knows"
         )
+    if again := counts["of the same two maps as another"]:
+        said.append(
+            f"{again} examples are of the same two maps as another one of their rule, with other settings or another "
+            "time: each two maps count once"
+        )
     for rule, score in scores:
         if score == single(UNFITTED):
             said.append(
@@ -40,6 +46,21 @@ def remarks(
             )
         said += _selected(labels, rule, score)
     return said
+
+
+def unwatched(rule: str, limits: Sequence[Limit]) -> list[str]:
+    """A sentence where the new rules merge what the old ones did not: nobody knows how that would have been judged."""
+    worst = max(limits, key=lambda limit: limit.unwatched, default=None)
+    if worst is None or not worst.unwatched:
+        return []
+    lost = any(limit.unwatched and limit.value is None for limit in limits)
+    return [
+        f"{worst.unwatched} of {worst.labels} labelled hypotheses of {rule!r} that limits of confirmation and reversal "
+        "hang on would be merged by the new rules and were not when the examples were made, so that nobody watched "
+        "them: each counts as the worst"
+        + (", and limits cannot be promised where there are too many of them" if lost else "")
+        + "; collect examples by rules that merge all (mapgraft calibrate --collecting FILE, evaluate --rules FILE)"
+    ]
 
 
 def _selected(labels: Labels, rule: str, score: Score) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -70,6 +70,10 @@ class Score:
         if len(self.terms) == 1 and not self.fitted_on:
             return self.terms[0].number
         return "a regression on " + ", ".join(term.number for term in self.terms)
+
+
+# Makes a score of examples, and says which of them are left to set thresholds.
+Choose = Callable[[Sequence[Labelled]], tuple[Score, Sequence[Labelled]]]
 
 
 def single(number: str) -> Score:

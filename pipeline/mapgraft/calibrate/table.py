@@ -14,6 +14,7 @@ from mapgraft import __version__
 from mapgraft.calibrate.acceptance import Threshold
 from mapgraft.calibrate.fitting import Calibration, Fit, RuleFit
 from mapgraft.calibrate.scoring import Score
+from mapgraft.calibrate.transfer import SAID_OF
 from mapgraft.calibrate.watching import Limit
 from mapgraft.decision import Rule
 from mapgraft.pages import readable
@@ -51,9 +52,10 @@ def _head(calibration: Calibration) -> Iterator[str]:
         "reverted, of pairs drawn as the labelled ones were."
     )
     for rule_fit in calibration.rules:
-        transfer = rule_fit.transfer
-        said = {"guaranteed": "guaranteed", "not refuted": "on an assumption", "none": "no guarantee"}
-        yield f"Other buildings, {rule_fit.rule.name!r}: {said[transfer.verdict]}: {transfer.reason}."
+        verdicts = {"guaranteed": "guaranteed", "not refuted": "on an assumption", "none": "no guarantee"}
+        for kind, said in rule_fit.transfer.told:
+            whose = f"Other buildings, {rule_fit.rule.name!r}, {SAID_OF[kind]}"
+            yield f"{whose}: {verdicts[said.verdict]}: {said.reason}."
     yield from (f"Note: {remark}." for remark in calibration.remarks)
 
 
@@ -91,9 +93,7 @@ def _of_threshold(limit: Threshold) -> str:
 
 def _of_revert(limit: Limit, *, prior_reverts: bool) -> str:
     if limit.value is None:
-        why = f"{limit.labels} right merges were watched, {limit.missing} more are needed"
-        why = why if limit.missing else "the run that was read has reverted too many right merges"
-        return f"Reverts as before: {100 * limit.rate:g} % cannot be promised, {why}."
+        return f"Reverts as before: {100 * limit.rate:g} % cannot be promised, {limit.why}."
     said = f"Reverts at {limit.value:.4f}: at most {100 * limit.rate:g} % of right merges within "
     said += f"{limit.observations} observations, by {limit.labels}{_whose(limit)}; of wrong merges {_gain(limit)}"
     return said + ("." if prior_reverts else "; the fall of the probability alone no longer reverts.")
@@ -101,9 +101,7 @@ def _of_revert(limit: Limit, *, prior_reverts: bool) -> str:
 
 def _of_confirm(limit: Limit) -> str:
     if limit.value is None:
-        why = f"{limit.labels} wrong hypotheses were watched, {limit.missing} more are needed"
-        why = why if limit.missing else "too many wrong merges look right"
-        return f"Never confirms: {100 * limit.rate:g} % cannot be promised, {why}."
+        return f"Never confirms: {100 * limit.rate:g} % cannot be promised, {limit.why}."
     return (
         f"Confirms from {limit.value:.4f} down: at most {100 * limit.rate:g} % of wrong hypotheses within "
         f"{limit.observations} observations, by {limit.labels}{_whose(limit)}; of right merges {_gain(limit)}."
@@ -111,7 +109,8 @@ def _of_confirm(limit: Limit) -> str:
 
 
 def _whose(limit: Limit) -> str:
-    return "" if limit.set_by is None or limit.set_by == limit.group else f" of {limit.set_by.name}"
+    whose = "" if limit.set_by is None or limit.set_by == limit.group else f" of {limit.set_by.name}"
+    return whose + (f", of which nobody watched {limit.unwatched}: they count as the worst" if limit.unwatched else "")
 
 
 def _gain(limit: Limit) -> str:

@@ -15,9 +15,10 @@ from mapgraft.calibrate.collecting import collecting_text
 from mapgraft.calibrate.document import document
 from mapgraft.calibrate.fitting import Asked, Calibration, Fit, RuleFit, calibrate
 from mapgraft.calibrate.labelled import read_labels
+from mapgraft.calibrate.others import LeftOut
 from mapgraft.calibrate.page import page_of
 from mapgraft.calibrate.table import rules_text, written
-from mapgraft.calibrate.transfer import Target
+from mapgraft.calibrate.transfer import SAID_OF, Target
 from mapgraft.commands.unread import tell_unread
 from mapgraft.config import Config
 from mapgraft.console import cell, print_json, remarks, results
@@ -145,11 +146,12 @@ def _show_rule(rule_fit: RuleFit) -> None:
     wide(results()).print(table)
     for one in transfer.left_out:
         said = "the others have too few labels" if one.threshold is None else f"above {one.threshold:.3f}"
-        shares = "" if one.threshold is None else f", wrong accepted {one.wrong.text}, right accepted {one.right.text}"
-        results().print(cell(f"  {one.building} by the labels of the others: {said}{shares}"))
+        results().print(cell(f"  {one.building} by the labels of the others: {said}{_shares(one)}"))
     for target in transfer.target:
         results().print(cell(f"  {target.environment}, meant for: {_unlike(target)}"))
-    results().print(cell(f"{_SAID[transfer.verdict]}: {transfer.reason}"), style=_style(transfer.verdict))
+    for kind, told in transfer.told:
+        what = f"{SAID_OF[kind]}: {_SAID[told.verdict]}: {told.reason}"
+        results().print(cell(what), style=_style(told.verdict))
 
 
 def row(fit: Fit) -> list[str]:
@@ -162,7 +164,7 @@ def row(fit: Fit) -> list[str]:
         if limit is None:
             limits.append("as it was" if takes else "-")
         elif limit.value is None:
-            limits.append(f"{limit.missing} labels missing")
+            limits.append(f"{limit.missing} labels missing" if limit.missing else "not promised")
         else:
             limits.append(f"{limit.value:.3f}")
     return [
@@ -173,6 +175,15 @@ def row(fit: Fit) -> list[str]:
         *limits,
         by,
     ]
+
+
+def _shares(one: LeftOut) -> str:
+    """What the others' threshold and limits do to a building."""
+    if one.threshold is None:
+        return ""
+    tried = (("wrong confirmed", one.confirmed), ("right reverted", one.reverted))
+    more = "".join(f", {what} {trial.beyond.text}" for what, trial in tried if trial is not None and trial.beyond.of)
+    return f", wrong accepted {one.wrong.beyond.text}, right accepted {one.right.text}{more}"
 
 
 def _unlike(target: Target) -> str:

@@ -17,8 +17,10 @@ from mapgraft.evaluation.bench import Bench, Judged
 from mapgraft.evaluation.building import DONOR, RECEIVER, Pair
 from mapgraft.evaluation.courses import Course
 from mapgraft.evaluation.document import parameters_of
+from mapgraft.evaluation.drawing import Window
 from mapgraft.evaluation.growth import Growth
 from mapgraft.examples.collecting import Collector, Origin
+from mapgraft.examples.pairs import contents_of, pair_sha256, source_of
 from mapgraft.examples.rows import NAME, examples_table
 from mapgraft.examples.truths import GIVEN, RECORDED, Known
 from mapgraft.examples.truths_csv import examples_truth, robots_truth
@@ -106,12 +108,13 @@ def told_of(path: Path, run_id: str, pairs: int) -> dict[int, Transform]:
 @dataclass(frozen=True, slots=True, eq=False)
 class Identified:
     """An evaluation with its id, which is that of a run but for the first letter: equal for equal contents, settings
-    and procedures."""
+    and procedures. ``pairs`` has the digest of each pair's two windows, by its number."""
 
     run_id: str
     provenance: RunProvenance
     essence: str
     tables: tuple[str, ...]
+    pairs: tuple[str, ...]
 
     @classmethod
     def of(cls, files: Sequence[Path], bench: Bench, joints: Mapping[tuple[str, str], Transform]) -> Identified:
@@ -128,7 +131,13 @@ class Identified:
             "joints": [[*pair, *T.matrix.ravel().tolist()] for pair, T in sorted(joints.items())],
         }
         text = json.dumps(content, sort_keys=True)
-        return cls("e" + run_id_of(dataclasses.replace(provenance, config_text=text))[1:], provenance, essence, tables)
+        run_id = "e" + run_id_of(dataclasses.replace(provenance, config_text=text))[1:]
+        contents = contents_of(files, bench.config, provenance.inputs)
+        pairs = tuple(
+            pair_sha256(*(_source_of(window, contents) for window in (plan.receiver, plan.donor)))
+            for plan in bench.plans
+        )
+        return cls(run_id, provenance, essence, tables, pairs)
 
     @contextmanager
     def writing(self, out: Path) -> Iterator[Callable[[Judged], Judged]]:
@@ -166,12 +175,18 @@ class _Taker:
             "software": told.provenance.version,
             "config_sha256": _sha256(told.essence),
             "recording_sha256": [file.sha256 for file in told.provenance.inputs],
+            "pair_sha256": told.pairs[judged.number],
         }
         for row, table in zip(judged.examples, told.tables, strict=True):
             rows.append({**row, **common, "table_sha256": _sha256(table), "position": self.written})
             self.written += 1
         self.part.append(examples_table(rows))
         return dataclasses.replace(judged, examples=())
+
+
+def _source_of(window: Window, contents: Mapping[Path, str]) -> str:
+    first, last = window.observations[0], window.observations[-1]
+    return source_of(contents, window.course.files, window.course.robot, first.recorded_ns, last.recorded_ns)
 
 
 def _sha256(text: str) -> str:

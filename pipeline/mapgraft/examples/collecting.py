@@ -16,6 +16,7 @@ from mapgraft.evaluation.truth import Truth
 from mapgraft.events import Event, Snapshot
 from mapgraft.examples.drawn import Drawings, Drawn
 from mapgraft.examples.looks import Looks
+from mapgraft.examples.pairs import pair_sha256
 from mapgraft.examples.pictures import DONOR, OWN, overlay_png
 from mapgraft.examples.rows import picture
 from mapgraft.examples.truths import Truths, Yardstick
@@ -29,7 +30,10 @@ ATTEMPTED: Final = {"merged": "provisional", "ambiguous": "ambiguous", "unmatche
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """What all examples of a run have in common, and by robot the stem of its recording and its environment."""
+    """What all examples of a run have in common, and by robot the stem of its recording and its environment.
+
+    ``sources`` tells by robot what its map is made of; empty where that is told later.
+    """
 
     software: str
     config_sha256: str
@@ -37,6 +41,7 @@ class Origin:
     recording_sha256: tuple[str, ...]
     recordings: Mapping[str, str]
     environments: Mapping[str, str]
+    sources: Mapping[str, str] = field(default_factory=dict)
 
     def columns(self, receiver: str, donor: str) -> Row:
         return {
@@ -46,6 +51,7 @@ class Origin:
             "config_sha256": self.config_sha256,
             "table_sha256": self.table_sha256,
             "recording_sha256": list(self.recording_sha256),
+            "pair_sha256": pair_sha256(self.sources[receiver], self.sources[donor]) if self.sources else None,
         }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
@@ -10,6 +11,7 @@ from mapgraft.contracts import Measurement, Sample, Verdict
 from mapgraft.outputs.tables import Row
 
 MOST: Final = 256  # looks of one merge; with twice as many every second one goes
+VERIFIER: Final = "verifier."  # before the names of what the verifier made of it
 
 
 class _Look(NamedTuple):
@@ -23,7 +25,12 @@ class _Look(NamedTuple):
 
 @dataclass(slots=True)
 class Looks:
-    """The looks at one merge, in order."""
+    """The looks at one merge, in order.
+
+    Of more than ``2 * MOST`` every second one goes. The first and the last stay, those that turned the verdict, and
+    those at which a metric, or a number of the verifier, was the lowest or the highest since the merge: limits are set
+    by these. What was new at a look that goes is told at the next one, so that what was known at any other stays right.
+    """
 
     _looks: list[_Look] = field(default_factory=list)
     _measured: dict[str, Measurement] = field(default_factory=dict)
@@ -39,7 +46,7 @@ class Looks:
             self._measured[name] = measurement
             numbers[name] = float(measurement.value), measurement.support
             numbers |= {f"{name}.{detail}": (float(value), 0) for detail, value in measurement.details.items()}
-        said = {} if verdict is None else {f"verifier.{name}": float(value) for name, value in verdict.evidence.items()}
+        said = {} if verdict is None else {f"{VERIFIER}{n}": float(value) for n, value in verdict.evidence.items()}
         numbers |= {name: (value, 0) for name, value in said.items() if self._latest.get(name) != value}
         turned = verdict is not None and verdict.action != self._action
         if verdict is not None:
@@ -49,8 +56,34 @@ class Looks:
         self._latest |= {name: value for name, (value, _) in numbers.items()}
         self._looks.append(_Look(sample.stamp_ns, sample.observations, numbers, turned))
         if len(self._looks) > 2 * MOST:
-            first, *rest, last = self._looks
-            self._looks = [first, *(look for n, look in enumerate(rest) if n % 2 or look.turned), last]
+            self._thin()
+
+    def _thin(self) -> None:
+        stay = {0, len(self._looks) - 1, *self._extremes()}
+        kept: list[_Look] = []
+        gone: Mapping[str, tuple[float, int]] = {}
+        for place, look in enumerate(self._looks):
+            numbers = {**gone, **look.numbers}
+            if place % 2 == 0 or look.turned or place in stay:
+                kept.append(look._replace(numbers=numbers))
+                gone = {}
+            else:
+                gone = numbers
+        self._looks = kept
+
+    def _extremes(self) -> set[int]:
+        """Where each metric, and each number of the verifier, was first the lowest and the highest since the merge."""
+        low: dict[str, tuple[float, int]] = {}
+        high: dict[str, tuple[float, int]] = {}
+        for place, look in enumerate(self._looks[1:], 1):
+            for name, (value, _) in look.numbers.items():
+                if "." in name.removeprefix(VERIFIER) or math.isnan(value):  # details are many, and judge nothing
+                    continue
+                if name not in low or value < low[name][0]:
+                    low[name] = value, place
+                if name not in high or value > high[name][0]:
+                    high[name] = value, place
+        return {place for _, place in (*low.values(), *high.values())}
 
     def columns(self) -> Row:
         """The columns ``history`` and ``later``."""

@@ -14,6 +14,7 @@ from mapgraft.config import Config, ExamplesConfig
 from mapgraft.contracts import Transform
 from mapgraft.errors import ConfigError
 from mapgraft.examples.collecting import Collector, Origin
+from mapgraft.examples.pairs import contents_of, source_of
 from mapgraft.examples.rows import examples_table
 from mapgraft.examples.truths import GIVEN, RECORDED, Known, Truths, completed, inverted
 from mapgraft.outputs.provenance import RunProvenance
@@ -39,6 +40,7 @@ def collecting(
     robots = {source.name: source.files for source in mission.robots}
     recordings = {name: stem(Path(files[0])) if files else stem(paths[0]) for name, files in robots.items()}
     named, whole = config.examples.environments, stem(paths[0])
+    contents = contents_of(paths, config, provenance.inputs)
     origin = Origin(
         provenance.version,
         hashlib.sha256(essence.encode()).hexdigest(),
@@ -46,6 +48,7 @@ def collecting(
         tuple(file.sha256 for file in provenance.inputs),
         recordings,
         {name: named.get(recording) or named.get(whole, whole) for name, recording in recordings.items()},
+        {name: source_of(contents, files, name) for name, files in robots.items()},
     )
     buildings = {name: named[recording] for name, recording in recordings.items() if recording in named}
     truths = truths_of(config.examples, recordings, mission.T_world_map, buildings)
