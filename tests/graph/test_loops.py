@@ -1,9 +1,11 @@
-"""What a loop says depends on its own claims alone, whatever is measured with it, or was before."""
+"""What a loop says depends on its own claims alone, whatever is measured with it, was before, or is elsewhere."""
 
 from __future__ import annotations
 
 import math
 import random
+import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from hypothesis import given, settings
@@ -11,6 +13,7 @@ from hypothesis import strategies as st
 
 from mapgraft.contracts import Transform
 from mapgraft.graph.claims import Claim, Source
+from mapgraft.graph.consistency import Settings, explain
 from mapgraft.graph.loops import Loop, Tolerance, cycles_of, find_loops, links_of, measured, walks_of
 
 SOURCES = [Source(name, 1) for name in "abcdef"]
@@ -80,3 +83,29 @@ def test_robots_that_leave_the_plane_change_nothing_for_those_that_do_not() -> N
     assert list(map(told, among)) == list(map(told, again))
     assert told(among[0]) == told(alone)
     assert [loop.limit for loop in among] == [16.266, 22.458]
+
+
+def blamed(of: Settings, seed: int) -> list[str]:
+    """Which claims are wrong, where all have merged all and one has a lie."""
+    rng = random.Random(seed)
+    places = [Transform.planar(rng.uniform(-5, 5), rng.uniform(-5, 5), rng.uniform(-3, 3)) for _ in SOURCES]
+    claims = []
+    for n, receiver in enumerate(SOURCES):
+        for m, donor in list(enumerate(SOURCES))[n + 1 :]:
+            T = places[n].inverse() @ places[m]
+            T = T @ Transform.planar(4.0, 3.0, 1.0) if len(claims) == seed % 15 else T
+            claims.append(Claim(receiver, donor, 1, "provisional", 0, T, support=3.0, stamp_ns=seed))
+    return [edge.receiver.name + edge.donor.name for edge in explain(claims, of).wrong]
+
+
+def test_missions_in_threads_of_one_process_do_not_blame_each_others_merges() -> None:
+    """The threads take turns as often as they can, and ask about other missions each time."""
+    pairs = [f"{a.name}{b.name}" for n, a in enumerate(SOURCES) for b in SOURCES[n + 1 :]]
+    patience_s = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(4) as threads:
+            found = list(threads.map(lambda seed: blamed(Settings(), 1000 + seed), range(60)))
+    finally:
+        sys.setswitchinterval(patience_s)
+    assert found == [[pairs[(1000 + seed) % 15]] for seed in range(60)]
