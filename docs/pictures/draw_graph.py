@@ -15,7 +15,7 @@ import matplotlib as mpl
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "bench"))
-from bench_nine import Met, meet
+from bench_nine import How, Met, meet
 
 from mapgraft.contracts import Points
 from mapgraft_grid.grid_map import OCCUPIED
@@ -88,7 +88,7 @@ def main() -> None:
 
     figure, axes = plt.subplots(1, 3, figsize=(12.5, 4.2), width_ratios=(0.9, 1.1, 1.0), constrained_layout=True)
     draw_chain(axes[0])
-    draw_nine(axes[1], axes[2], meet(9, 3, 1.0, refuse=False))
+    draw_nine(axes[1], axes[2], meet(How(9, 3, 1.0), refuse=False))
     figure.savefig(Path(__file__).with_name("graph.png"), dpi=120)
 
 

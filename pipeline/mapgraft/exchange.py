@@ -7,12 +7,13 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import NoneType
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from mapgraft.contracts import Layer, MapError, MapMetadata, MapType, PartedType, PreviewedType, Provenance
 from mapgraft.graph.claims import MOST_COUNTED, MOST_NAME_BYTES
 
 Form = Literal["parts", "whole"]
+MOST_OFFER: Final = 1 << 14  # bytes; nobody reads more
 _UNREADABLE = (ValueError, KeyError, TypeError, OverflowError, RecursionError)  # what strangers' bytes raise
 _NUMBER = (float, int)
 _KINDS: dict[str, tuple[type, ...]] = {

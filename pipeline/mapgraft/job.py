@@ -242,9 +242,9 @@ def _audited(mission: Mission, assembly: Assembly, config: Config, plugins: Plug
 
 
 def _remarks(mission: Mission, assembly: Assembly) -> list[str]:
-    """What was noticed about the robots' sources, and which verdicts of persons nobody needed."""
+    """What was noticed about the robots' sources and messages, and which verdicts of persons nobody needed."""
     remarks = [f"{robot.name}: {remark}" for robot in mission.robots for remark in robot.remarks]
-    return remarks + [
+    return [*remarks, *assembly.exchange.traffic.sentences()] + [
         f"the verdict '{verdict.action}' on {verdict.merge} was not needed: no such merge came up"
         for verdict in assembly.hand.disregarded
     ]

@@ -16,6 +16,7 @@ from mapgraft.merge import Merge
 from mapgraft.procedures import Workshop
 from mapgraft.reversal import Reversal
 from mapgraft.reversal.gathering import Gathering
+from mapgraft.sound_maps import sound_offer
 
 
 @dataclass(slots=True)
@@ -34,6 +35,7 @@ class OwnMap:
     corrections: int = 0
     _encoded: tuple[int, bytes] | None = None
     _described: tuple[int, MapMetadata] | None = None
+    _offered: tuple[tuple[Provenance, int], bytes] | None = None
 
     def asking(self) -> Call:
         """A context in which the robot's own map type is asked, and its layers, maps and regions."""
@@ -58,9 +60,17 @@ class OwnMap:
             return layer, touched.united()
 
     def offer(self) -> bytes:
-        """What this robot tells about its map; raises FailedPluginError or MapError when its type cannot tell."""
-        with self.asking():
-            return Offer(self.provenance, self.metadata(), self.corrections).encode()
+        """What this robot tells about its map.
+
+        Raises FailedPluginError or MapError when its type cannot tell, or tells what no other robot would read.
+        """
+        of = (self.provenance, self.corrections)
+        if self._offered is None or self._offered[0] != of:
+            with self.asking():
+                metadata = self.metadata()
+            with self.workshop.guard.calling("map type", self.map_type.name, "metadata"):
+                self._offered = of, sound_offer(Offer(self.provenance, metadata, self.corrections))
+        return self._offered[1]
 
     def metadata(self) -> MapMetadata:
         """What there is to say about the offered layer, found out once per version."""

@@ -9,7 +9,8 @@ from typing import Final, cast
 import numpy as np
 
 from mapgraft.contracts import Layer, Map, MapMetadata, OutputMessage, Points, Region, Reset
-from mapgraft.errors import PluginError
+from mapgraft.errors import MapError, PluginError
+from mapgraft.exchange import MOST_OFFER, Offer
 from mapgraft.sound_values import finite, number, shown, text
 
 _OF_REGIONS: Final = ("union", "minus", "__len__")
@@ -101,6 +102,19 @@ def sound_metadata(metadata: object, map_type: str) -> MapMetadata:
     for what, word in (("a sensor", metadata.sensor), ("a mapper", metadata.mapper)):
         text(what, word)
     return metadata
+
+
+def sound_offer(offer: Offer) -> bytes:
+    """What a robot tells, as bytes that others read: who sent more, or else, would be heard by nobody, and not know."""
+    data = offer.encode()
+    if len(data) > MOST_OFFER:
+        said = f"tells {len(data):,} bytes about its map, of which others read at most {MOST_OFFER:,}"
+        raise PluginError(f"{said}: let its metadata be shorter")
+    try:
+        Offer.decode(data)
+    except MapError as error:
+        raise PluginError(f"tells about its map what others do not take: {error}") from None
+    return data
 
 
 def sound_points(points: object) -> Points:

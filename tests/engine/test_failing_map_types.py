@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import time
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import beacons
@@ -296,6 +297,39 @@ def broken(method: str, answer) -> tuple[GuardedMapType, Guard]:
     guard, kind = Guard(LIMITS), beacons.Beacons()
     setattr(kind, method, answer if callable(answer) else lambda *_args, **_named: answer)
     return GuardedMapType(kind, guard), guard
+
+
+@pytest.mark.parametrize(
+    ("extra", "sentence"),
+    [
+        (
+            {"story": "and then " * 2000},
+            "bytes about its map, of which others read at most 16,384",
+        ),
+        ({"places": [1, 2]}, "tells about its map what others do not take: an offer of "),
+        ({"places": {1, 2}}, "failed: TypeError: Object of type set is not JSON serializable"),
+    ],
+)
+def test_who_tells_of_its_map_what_nobody_would_read_is_named(play, monkeypatch, extra, sentence):
+    """Only alpha does; the others could not even say whose messages they were, and merge each other."""
+    right = beacons.Beacons.metadata
+
+    def metadata(self, layer):
+        told = right(self, layer)
+        return replace(told, extra=extra) if 0 in layer.evidence() else told
+
+    monkeypatch.setattr(beacons.Beacons, "metadata", metadata)
+    told = ((0, "alpha", 0, 2, 5), (0, "bravo", 10, 12, 15), (0, "charlie", -20, -18, -15), (2, "alpha", 5))
+    memory, robots, exchange = play(*told, meet=(1, 2))
+    (failed,) = [event for event in memory.events if event.kind == "failed"]
+    assert (failed.receiver, failed.by) == ("alpha", MAP_TYPE)
+    assert failed.reason.startswith("the map type 'beacons' ") and sentence in failed.reason
+    assert {name: list(robot.merges) for name, robot in robots.items()} == {
+        "alpha": [],
+        "bravo": ["charlie"],
+        "charlie": ["bravo"],
+    }
+    assert exchange.traffic.unread == {}
 
 
 def test_every_method_of_the_contract_is_guarded():

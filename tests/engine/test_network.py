@@ -7,7 +7,8 @@ import pytest
 from mapgraft.assembly import network_of
 from mapgraft.config import load_config, parse_config
 from mapgraft.contracts import ConfigError
-from mapgraft.network.radio import Conditions, Partition
+from mapgraft.network.radio import Conditions, Partition, Unread
+from mapgraft.network.wire import Told, encode
 from mapgraft.plugins import load_plugins
 from mapgraft.recording.mission import open_mission
 from mapgraft.replay import Exchange, Network
@@ -95,6 +96,20 @@ def test_what_did_not_change_is_not_sent_again(play):
         _, _, exchange = play(*begun("alpha", "bravo"), (9, "alpha", *PLACES["alpha"]), meet=meet)
         sent.append({kind: size for (_, receiver, kind), size in exchange.traffic.bytes.items() if receiver == "alpha"})
     assert sent[0]["layer"] == sent[1]["layer"] and sent[1]["hello"] > 3 * sent[0]["hello"]
+
+
+def test_what_comes_for_nothing_is_counted_and_said(play):
+    _, _, exchange = play(*begun("alpha", "bravo"), (9, "alpha", *PLACES["alpha"]), meet=(1,))
+    assert exchange.traffic.unread == {} and exchange.traffic.sentences() == []
+    strange = Told((b"no claim", b"and another"))
+    for data in (b"noise", encode(strange), b""):
+        exchange.medium.radio.send("bravo", "alpha", data, SECOND)
+    exchange.medium.hold((), SECOND)
+    assert exchange.traffic.unread == {"alpha": Unread(messages=2, claims=2)}
+    assert exchange.traffic.sentences() == [
+        "alpha: 2 messages came that cannot be read",
+        "alpha: 2 claims came that cannot be read, or above what it keeps",
+    ]
 
 
 def test_a_radio_with_its_faults_is_configured():

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import itertools
 import random
+from dataclasses import replace
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mapgraft.contracts import Transform
 from mapgraft.graph.book import Book
 from mapgraft.graph.loops import Tolerance, find_loops
 
@@ -52,3 +55,18 @@ def test_only_what_has_changed_is_looked_at_again(claim) -> None:
     again = {cycle for cycle, one in book.rounds.items() if one is not before[cycle]}
     assert again == {cycle for cycle in book.rounds if {"a", "b"} <= {source.name for source in cycle}}
     assert 0 < len(again) < len(before)
+
+
+def test_what_was_broken_off_begins_anew(claim) -> None:
+    """A tolerance that knows nothing of loops in space breaks it off, as Ctrl-C would; one claim had been taken in."""
+    told = {pair: claim(pair) for pair in PAIRS}
+    book = Book(Tolerance(chi2=Tolerance().chi2[:1]))
+    book.bring_up_to(told.values())
+    told["ab"] = claim("ab", off=OFF[2])
+    tilted = replace(told["cd"], T_receiver_donor=Transform.from_quaternion((0.0, 0.0, 1.0), (0.6, 0.0, 0.0, 0.8)))
+    with pytest.raises(KeyError):
+        book.bring_up_to([*told.values(), replace(tilted, epoch=2)])
+    book.bring_up_to(told.values())
+    fresh = Book(book.tolerance)
+    fresh.bring_up_to(told.values())
+    assert book.loops == fresh.loops and book.told() == fresh.told() != {}

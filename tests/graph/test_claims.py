@@ -128,3 +128,14 @@ def test_flipped_bytes_never_raise_anything_else(at: int, by: int) -> None:
 def test_what_cannot_be_true_is_refused(wrong: Claim) -> None:
     with pytest.raises(MapError, match="cannot be read"):
         Claim.decode(wrong.encode())
+
+
+@given(st.data())
+def test_what_has_changed_since_is_what_holds_now_and_did_not_then(claims, data) -> None:
+    known, before = Claims(), {0: Claims()}
+    for one in data.draw(st.lists(claims, max_size=12)):
+        if known.add(one):
+            before[known.version] = Claims(known)
+    for version, then in before.items():
+        changed = [one for one in known if then.of(*one.edge) != one]
+        assert sorted(known.since(version), key=lambda one: one.edge) == changed

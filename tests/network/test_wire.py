@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import random
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -70,6 +73,25 @@ def test_what_is_too_long_is_neither_sent_nor_read():
         encode(Told((bytes(4000),) * 20))
     with pytest.raises(MapError, match="cannot be read"):
         decode(wire.sealed(wire.MAGIC + bytes(1 << 16)))
+
+
+def test_an_offer_that_nobody_would_read_is_not_sent():
+    """Whatever cannot be packed is longer packed than it was; what is all alike unpacks to more than is read."""
+    noise = random.Random(1).randbytes(wire.MOST_OFFER)
+    most = bytes(wire.MOST_OFFER)
+    head = Head(bytes(8), most, 1, "parts", bytes(16))
+    for message in (
+        Hello(bytes(8), most, bytes(16), bytes(16)),
+        Parts(Copy(Source("a", 1), "layer"), 0, head),
+    ):
+        assert decode(encode(message)) == message
+    for offer in (noise, most + b" "):
+        for message in (
+            Hello(bytes(8), offer, bytes(16), bytes(16)),
+            Parts(Copy(Source("a", 1), "layer"), 0, replace(head, offer=offer)),
+        ):
+            with pytest.raises(MapError, match=r"an offer of \d+ bytes is too long to be sent: 16384 are read"):
+                encode(message)
 
 
 @pytest.mark.parametrize(

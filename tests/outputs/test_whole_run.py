@@ -105,6 +105,22 @@ def test_every_byte_between_two_robots_is_in_the_summary(here: tuple[Path, mapgr
         assert 0 < sum(received) <= size and not any(verified)
 
 
+def test_what_came_for_nothing_is_in_the_summary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Robots that keep few claims of others: those above are counted, and a person is told."""
+    monkeypatch.setattr("mapgraft.network.gossip.MOST_EDGES", 1)
+    config = {
+        "mission": {"end_s": 11},
+        "exchange": {"use": "at", "seconds": [10, 10.5], "at_end": False},
+        "map": {"resolution_m": 0.2},
+        "output": {"report": False, "examples": False, "snapshots": False},
+    }
+    result = mapgraft.run(demo_files()[0], config, tmp_path / "out")
+    summary = json.loads((tmp_path / "out/summary.json").read_text())
+    assert summary["unread"]["charlie"]["messages"] == 0 < summary["unread"]["charlie"]["claims"]
+    said = [remark for remark in result.remarks if " claims came that cannot be read, or above what it keeps" in remark]
+    assert len(said) == len(summary["unread"]) and summary["remarks"] == list(result.remarks)
+
+
 def test_two_equal_runs_differ_in_nothing_but_the_clock(
     here: tuple[Path, mapgraft.Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:

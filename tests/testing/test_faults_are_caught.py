@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import beacon_faults as faults
 import beacon_laws
+import beacons
 import echoes
 import pytest
 
-from mapgraft.contracts import Metric, Observation
+from mapgraft.contracts import MapMetadata, Metric, Observation
 from mapgraft.testing import examine, laws_of
 
 EXAMPLES = 80
@@ -55,3 +58,19 @@ def test_a_stream_that_hears_nothing_is_not_called_kept() -> None:
     for law in ("an_updated_tracker_equals_a_fresh_one", "a_changed_donor_is_measured"):
         assert told[law].status == "not tried"
         assert "in none of the scenes an observation made any difference" in told[law].sentence
+
+
+@pytest.mark.parametrize("extra", [{"story": "and then " * 2000}, {"places": [1, 2]}])
+def test_metadata_that_no_other_robot_reads_are_not_called_sendable(extra: dict[str, object]) -> None:
+    class TellsTooMuch(beacons.Beacons):
+        def metadata(self, layer: beacons.Heard) -> MapMetadata:
+            return replace(super().metadata(layer), extra=extra)
+
+    class Laws(beacon_laws.BeaconLaws):
+        examples = 3
+
+        def make_map_type(self) -> beacons.Beacons:
+            return TellsTooMuch()
+
+    (law,) = [one for one in laws_of(Laws) if one.name == "metadata_can_be_sent"]
+    assert examine(Laws(), law).status == "broken"

@@ -69,7 +69,8 @@ class MapMetadata:
     ``bounds_m`` is (x_min, y_min, x_max, y_max) of what is known, in the map's own frame; ``known_area_m2`` is the area
     that was looked at; ``sensor`` names what saw it, as the recording does; ``quality`` in [0, 1] where the type can
     judge it; ``mapper`` names what made the map (``scans``, ``ready map``); ``can_send`` names what may
-    travel with the layer (``rays``, ``path``, …); ``extra`` holds further plain values that rules may ask for.
+    travel with the layer (``rays``, ``path``, …); ``extra`` holds further plain values that rules may ask for. All of
+    it, with the robot's name, may take 16 KiB as JSON: a robot that tells more takes no part any more.
     """
 
     type: str

@@ -100,20 +100,25 @@ class Book:
         return [loop for one in met for loop in one.loops if edge in loop.edges]
 
     def bring_up_to(self, claims: Iterable[Claim]) -> None:
-        """Look again at the loops through claims that are others than the last time."""
+        """Look again at the loops through claims that are others than the last time.
+
+        Whatever breaks it off, even Ctrl-C, the next time begins anew.
+        """
         links = links_of(claims)
         told = {claim.edge: claim for others in links.values() for some in others.values() for claim in some}
         neighbours = tuple((here, tuple(others)) for here, others in links.items())
-        if neighbours != self._neighbours:
+        before, self._neighbours = self._neighbours, None
+        if neighbours != before:
             self._begin(neighbours)
         edges = [edge for edge in {**told, **self._claims} if told.get(edge) != self._claims.get(edge)]
         self._claims = told
         pairs = dict.fromkeys(frozenset(edge) for edge in edges)
         self._look(dict.fromkeys(cycle for pair in pairs for cycle in self._through[pair]), links)
+        self._neighbours = neighbours
 
     def _begin(self, neighbours: tuple[tuple[Source, tuple[Source, ...]], ...]) -> None:
         """Others are linked than before: all that is known is of other cycles."""
-        self._neighbours, self._claims = neighbours, {}
+        self._claims = {}
         self.rounds = dict.fromkeys(cycles_of(neighbours), Round())
         self._through, self.views, self._open = {}, {}, Counter()
         self._changed, self._grounds = set(), {}

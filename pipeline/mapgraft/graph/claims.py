@@ -160,10 +160,11 @@ class Claims:
     A join-semilattice: whatever the order in which claims come, and however often, the same ones make the same state.
     """
 
-    __slots__ = ("_by_edge", "_digest", "version")
+    __slots__ = ("_by_edge", "_changed", "_digest", "version")
 
     def __init__(self, claims: Iterable[Claim] = ()) -> None:
         self._by_edge: dict[Edge, Claim] = {}
+        self._changed: dict[Edge, int] = {}  # at which version the claim came that holds, the latest last
         self._digest: bytes | None = None
         self.version = 0  # rises with every change
         for claim in claims:
@@ -177,6 +178,8 @@ class Claims:
         self._by_edge[claim.edge] = claim
         self._digest = None
         self.version += 1
+        self._changed.pop(claim.edge, None)
+        self._changed[claim.edge] = self.version
         return True
 
     def join(self, claims: Iterable[Claim]) -> list[Claim]:
@@ -190,6 +193,13 @@ class Claims:
     def active(self) -> tuple[Claim, ...]:
         """Those of merges that stand, in the order of their edges."""
         return tuple(claim for claim in self if claim.is_active)
+
+    def since(self, version: int) -> Iterator[Claim]:
+        """Those that hold now and did not yet at a version, the latest first; what is older costs nothing."""
+        for edge in reversed(self._changed):
+            if self._changed[edge] <= version:
+                return
+            yield self._by_edge[edge]
 
     def digest(self) -> bytes:
         """32 bytes that are equal where the claims are."""

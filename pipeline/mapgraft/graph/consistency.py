@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -71,9 +72,20 @@ class _Asked:
     settings: Settings
 
 
+class _Books(threading.local):
+    """By tolerance the book of whoever runs in this thread: robots of one mission, which heard nearly the same, share
+    what is known of its loops. A book is changed while it is asked, so missions in other threads have their own."""
+
+    def __init__(self) -> None:
+        self.book = lru_cache(maxsize=4)(Book)
+
+
+_mine: Final = _Books()
+
+
 @lru_cache(maxsize=REMEMBERED)
 def _explained(asked: _Asked) -> Explanation:
-    book = _book(asked.settings.tolerance)
+    book = _mine.book(asked.settings.tolerance)
     book.bring_up_to(asked.claims)
     told = book.told()
     if not told:
@@ -90,12 +102,6 @@ def _explained(asked: _Asked) -> Explanation:
             into = disputed if other.cost < best.cost + margin else wrong
             into.update({edge: _with_margin(told[edge], best, other) for edge in part.views[at] if edge in told})
     return Explanation(book.loops, told, _sorted(wrong), _sorted(disputed), exact)
-
-
-@lru_cache(maxsize=4)
-def _book(tolerance: Tolerance) -> Book:
-    """Robots that heard nearly the same share what is known of its loops."""
-    return Book(tolerance)
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,8 @@ PER_LINK: Final = 6  # loops in which one pair of sources is looked at, the shor
 _STEPS: Final = 2000  # of the search for loops through one pair
 REMEMBERED_GRAPHS: Final = 16
 REMEMBERED_LOOPS: Final = 100_000
-_PLANAR: Final = [0, 1, 5]
+_PLANAR: Final = [0, 1, 5]  # of x, y, z and the rotation vector: what a loop in the plane can be off by
+_SPATIAL: Final = [0, 1, 2, 3, 4, 5]
 _FULL_EXPANSION: Final = 3  # sources: in longer loops claims about the same pair take turns, one pair at a time
 
 Links = Mapping[Source, Mapping[Source, Sequence[Claim]]]
@@ -190,23 +191,31 @@ def _is_of_one_state(cycle: tuple[Source, ...], claims: tuple[Claim, ...]) -> bo
 
 
 def measured(walks: Sequence[Walk], tolerance: Tolerance) -> tuple[Loop, ...]:
-    """What is not remembered is composed, all loops of one length at once: one by one would cost a hundred times."""
+    """The loops of some walks, each of which depends on its own claims alone.
+
+    What is not remembered is composed, all loops of one length at once: one by one would cost a hundred times.
+    """
     known = _remembered(tolerance)
-    fresh = [walk for walk in walks if walk[1] not in known]
+    loops = [known.get(claims) for _, claims in walks]
+    fresh = [walk for walk, loop in zip(walks, loops, strict=True) if loop is None]
+    made: dict[tuple[Claim, ...], Loop] = {}
     sides: dict[tuple[Source, bytes], Similarity] = {}
     for length in sorted({len(claims) for _, claims in fresh}):
         chosen = [walk for walk in fresh if len(walk[1]) == length]
         steps = [[_side(here, claim, sides, tolerance) for here, claim in zip(*walk, strict=True)] for walk in chosen]
-        known.update((loop.claims, loop) for loop in _closed(chosen, steps, tolerance))
-    out = tuple(known[claims] for _, claims in walks)
+        made.update((loop.claims, loop) for loop in _closed(chosen, steps, tolerance))
+    known.update(made)
     if len(known) > REMEMBERED_LOOPS:
         known.clear()
-    return out
+    return tuple(made[claims] if loop is None else loop for (_, claims), loop in zip(walks, loops, strict=True))
 
 
 @lru_cache(maxsize=4)
 def _remembered(tolerance: Tolerance) -> dict[tuple[Claim, ...], Loop]:
-    """The loops that were measured with a tolerance, by their claims."""
+    """The loops that were measured with a tolerance, by their claims.
+
+    Missions in other threads look and write here, too: what was there a moment ago need not be there any more.
+    """
     return {}
 
 
@@ -233,6 +242,26 @@ def _closed(
     T = np.array([[step.T_target_source.matrix for step in walk] for walk in steps])
     scale = np.array([[step.scale for step in walk] for walk in steps])
     sigma = np.array([[step.covariance for step in walk] for walk in steps])
+    whole, size, covariance = _composed(T, scale, sigma)
+    residual = np.concatenate((whole[:, :3, 3], _turns(whole[:, :3, :3])), axis=1)
+    planar = (T[:, :, 2, :2] == 0.0).all(axis=(1, 2)) & (T[:, :, 2, 3] == 0.0).all(axis=1)
+    limits, distance2, limit = dict(tolerance.chi2), np.empty(len(walks)), np.empty(len(walks))
+    for used, chosen in ((_PLANAR, planar), (_SPATIAL, ~planar)):  # each by its own claims, whatever comes with it
+        if not chosen.any():
+            continue
+        distance2[chosen] = _distances2(residual[chosen][:, used], covariance[chosen][:, used][:, :, used])
+        limit[chosen] = limits[len(used)]
+    for n, (sources, claims) in enumerate(walks):
+        shift_m, turn_rad = float(np.linalg.norm(residual[n, :3])), float(np.linalg.norm(residual[n, 3:]))
+        within = shift_m <= tolerance.cap_m and turn_rad <= tolerance.cap_rad
+        within = within and abs(math.log(float(size[n]))) <= tolerance.cap_scale
+        d2, most = float(distance2[n]), float(limit[n])
+        closes, edges = within and d2 <= most, tuple(claim.edge for claim in claims)
+        yield Loop(sources, claims, shift_m, turn_rad, d2, most, closes, edges)
+
+
+def _composed(T: Floats, scale: Floats, sigma: Floats) -> tuple[Floats, Floats, Floats]:
+    """Steps (n, length, …) one after the other: transforms (n, 4, 4), scales (n,) and covariances (n, 6, 6)."""
     whole, size, covariance = T[:, 0], scale[:, 0], sigma[:, 0]
     for at in range(1, T.shape[1]):
         covariance = _compounded(whole, size, covariance, T[:, at], sigma[:, at])
@@ -242,19 +271,16 @@ def _closed(
         whole[:, :3, 3] += shift[..., 0]
         whole[:, :3, :3] = turned
         size = size * scale[:, at]
-    residual = np.concatenate((whole[:, :3, 3], _turns(whole[:, :3, :3])), axis=1)
-    planar = bool((T[:, :, 2, :2] == 0.0).all() and (T[:, :, 2, 3] == 0.0).all())
-    used = _PLANAR if planar else list(range(6))
-    picked, held = residual[:, used], covariance[:, used][:, :, used]
-    distance2 = np.einsum("ni,ni->n", picked, np.linalg.solve(held, picked[..., None])[..., 0])
-    limit = dict(tolerance.chi2)[len(used)]
-    for n, (sources, claims) in enumerate(walks):
-        shift_m, turn_rad = float(np.linalg.norm(residual[n, :3])), float(np.linalg.norm(residual[n, 3:]))
-        within = shift_m <= tolerance.cap_m and turn_rad <= tolerance.cap_rad
-        within = within and abs(math.log(float(size[n]))) <= tolerance.cap_scale
-        d2 = float(distance2[n])
-        closes, edges = within and d2 <= limit, tuple(claim.edge for claim in claims)
-        yield Loop(sources, claims, shift_m, turn_rad, d2, limit, closes, edges)
+    return whole, size, covariance
+
+
+def _distances2(residual: Floats, covariance: Floats) -> Floats:
+    """Squared Mahalanobis distances (n,) of residuals (n, k), added up in one order however many there are."""
+    weighed = residual * np.linalg.solve(covariance, residual[..., None])[..., 0]
+    out: Floats = np.zeros(len(residual))
+    for column in weighed.T:
+        out = out + column
+    return out
 
 
 def _compounded(whole: Floats, size: Floats, covariance: Floats, T: Floats, sigma: Floats) -> Floats:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Iterator
+from itertools import takewhile
 from typing import Final
 
 from mapgraft.contracts import MapError
 from mapgraft.graph.claims import Claim, Claims, Edge, Source
-from mapgraft.network.wire import DIGEST, Hello, Message, Summary, Told
+from mapgraft.network.wire import DIGEST, Hello, Message, Summary, Told, digest_of
 
 _WHOLE: Final = 1 << (8 * DIGEST)
 _NOTHING: Final = bytes(DIGEST)
@@ -21,18 +21,32 @@ class Gossip:
 
     Those that it wrote itself it tells every peer once, as soon as they meet. Digests say whether all else is the same
     on both sides; only where it is not, digests per receiver are exchanged, and then the claims of those that differ.
-    Digests are sums of hashes, so that what two robots wrote themselves, which each tells anyway, can be left out.
+    Digests are sums of hashes, so that what two robots wrote themselves, which each tells anyway, can be left out, and
+    that a claim that changes costs one hash, however many others there are.
     """
 
-    __slots__ = ("_claims", "_fresh", "_learnt", "_sums", "_told", "_told_others", "_total", "_version", "refused")
+    __slots__ = (
+        "_claims",
+        "_fresh",
+        "_learnt",
+        "_sums",
+        "_terms",
+        "_told",
+        "_told_others",
+        "_total",
+        "_version",
+        "refused",
+    )
 
     def __init__(self, claims: Claims) -> None:
         self._claims = claims
-        self._version = -1
+        self._version = 0  # up to which version the claims are summed up
+        self._terms: dict[Source, dict[Edge, int]] = {}  # receiver → the hash of each of its claims, as it is summed up
         self._sums: dict[Source, int] = {}
         self._total = 0
         self._learnt: dict[Edge, bytes] = {}  # what came from others, by the bytes of the claim
-        self._fresh: dict[Edge, tuple[bytes, int]] = {}  # own claims, and at which version they were noticed
+        # own claims, and at which version they were noticed, the latest last
+        self._fresh: dict[Edge, tuple[bytes, int]] = {}
         self._told: dict[str, int] = {}  # peer → up to which version it was told what is written here
         # peer → as which source it was greeted last, and what it was told of third robots' claims
         self._told_others: dict[str, tuple[Source | None, bytes]] = {}
@@ -50,7 +64,8 @@ class Gossip:
         self._look()
         told = self._told.get(peer, 0)
         news: list[bytes] = []
-        waiting = sorted((version, edge) for edge, (_, version) in self._fresh.items() if version > told)
+        latest = ((version, edge) for edge, (_, version) in reversed(self._fresh.items()))
+        waiting = sorted(takewhile(lambda one: one[0] > told, latest))
         size = 0
         for version, edge in waiting:
             data = self._fresh[edge][0]
@@ -63,8 +78,8 @@ class Gossip:
 
     def has_news_for(self, peer: str) -> bool:
         self._look()
-        told = self._told.get(peer, 0)
-        return any(version > told for _, version in self._fresh.values())
+        _, latest = next(reversed(self._fresh.values()), (b"", 0))
+        return latest > self._told.get(peer, 0)
 
     def learn(self, told: Iterable[bytes]) -> list[Claim]:
         """Take in what others tell; returns the claims that are news.
@@ -105,10 +120,16 @@ class Gossip:
         mine = {source: _bytes(total) for source, total in self._sums.items()}
         asked = set(summary.scope) or (mine.keys() | summary.digests.keys())
         differing = {one for one in asked if mine.get(one, _NOTHING) != summary.digests.get(one, _NOTHING)}
-        yield from _told(claim.data for claim in self._claims if claim.receiver in differing)
+        yield from _told(self._of_receivers(differing))
         back = sorted(differing & summary.digests.keys())
         if back and not summary.reply:
             yield Summary({one: mine.get(one, _NOTHING) for one in back}, tuple(back), reply=True)
+
+    def _of_receivers(self, receivers: Iterable[Source]) -> Iterator[bytes]:
+        """The claims of these receivers, in the order of their edges."""
+        for edge in (edge for one in sorted(receivers) for edge in sorted(self._terms.get(one, ()))):
+            if (claim := self._claims.of(*edge)) is not None:
+                yield claim.data
 
     def _others(self, me: Source, other: Source | None) -> bytes:
         """The digest of what was written by neither of two robots."""
@@ -116,19 +137,20 @@ class Gossip:
         return _bytes(self._total - mine - theirs)
 
     def _look(self) -> None:
-        """Sum up anew where claims have changed; what nobody told was written here."""
+        """Take into the sums what has changed; what nobody told was written here."""
         if self._version == self._claims.version:
             return
-        self._version = self._claims.version
-        self._sums, self._total = {}, 0
-        for claim in self._claims:
-            term = int.from_bytes(hashlib.blake2b(claim.data, digest_size=DIGEST).digest(), "little")
-            self._sums[claim.receiver] = (self._sums.get(claim.receiver, 0) + term) % _WHOLE
-            self._total += term
-            if self._learnt.get(claim.edge) == claim.data:
-                self._fresh.pop(claim.edge, None)
-            elif (known := self._fresh.get(claim.edge)) is None or known[0] != claim.data:
-                self._fresh[claim.edge] = (claim.data, self._version)
+        before, self._version = self._version, self._claims.version
+        for claim in self._claims.since(before):
+            edge, term = claim.edge, int.from_bytes(digest_of(claim.data), "little")
+            known = self._terms.setdefault(claim.receiver, {})
+            more = term - known.get(edge, 0)
+            known[edge] = term
+            self._sums[claim.receiver] = (self._sums.get(claim.receiver, 0) + more) % _WHOLE
+            self._total = (self._total + more) % _WHOLE
+            self._fresh.pop(edge, None)
+            if self._learnt.get(edge) != claim.data:
+                self._fresh[edge] = (claim.data, self._version)
 
 
 def _bytes(total: int) -> bytes:

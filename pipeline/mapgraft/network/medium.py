@@ -10,7 +10,7 @@ from typing import Final
 from mapgraft.contracts import MapError
 from mapgraft.errors import PluginError, ReversalError
 from mapgraft.network.node import Node
-from mapgraft.network.radio import NS_PER_S, Radio, Traffic
+from mapgraft.network.radio import NS_PER_S, Radio, Traffic, Unread
 from mapgraft.network.wire import Message, encode, kind_of
 
 MOST_ROUNDS: Final = 64  # of telling within one meeting on a perfect radio; what is left is told at the next one
@@ -80,7 +80,13 @@ class Medium:
             if not self.is_out(name):
                 with self._asking(name, delivery.arrival_ns):
                     self.nodes[name].hear(delivery.sender, delivery.data, delivery.arrival_ns)
+                self._count_unread(name)
                 self._flush(name, delivery.arrival_ns)
+
+    def _count_unread(self, name: str) -> None:
+        node = self.nodes[name]
+        if node.unreadable or node.gossip.refused:
+            self.traffic.unread[name] = Unread(node.unreadable, node.gossip.refused)
 
     def _settle(self, names: Sequence[str] | Mapping[str, None], now_ns: int) -> None:
         """Until nobody who has met has anything to say."""

@@ -168,11 +168,19 @@ class Radio:
         return probability > 0.0 and self._random.random() < probability
 
 
+class Unread(NamedTuple):
+    """What came to a robot for nothing: messages that cannot be read, claims that are none or more than it keeps."""
+
+    messages: int
+    claims: int
+
+
 @dataclass(slots=True)
 class Traffic:
-    """How many bytes were sent, by sender, receiver and kind of message."""
+    """How many bytes were sent, by sender, receiver and kind of message, and by receiver what came for nothing."""
 
     bytes: dict[tuple[str, str, str], int] = field(default_factory=dict)
+    unread: dict[str, Unread] = field(default_factory=dict)
 
     def count(self, sender: str, receiver: str, kind: str, size: int) -> None:
         """Count one message."""
@@ -187,6 +195,16 @@ class Traffic:
     def received(self) -> dict[tuple[str, str], int]:
         """By receiver and kind."""
         return _summed((receiver, kind, size) for (_, receiver, kind), size in self.bytes.items())
+
+    def sentences(self) -> list[str]:
+        """What a person should know."""
+        said = (("message", "that cannot be read"), ("claim", "that cannot be read, or above what it keeps"))
+        return [
+            f"{robot}: {count:,} {what}{'s' * (count != 1)} came {how}"
+            for robot, unread in sorted(self.unread.items())
+            for (what, how), count in zip(said, unread, strict=True)
+            if count
+        ]
 
 
 def _summed(items: Iterable[tuple[str, str, int]]) -> dict[tuple[str, str], int]:

@@ -12,14 +12,13 @@ from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple
 
 from mapgraft.contracts import MapError
-from mapgraft.exchange import Form
+from mapgraft.exchange import MOST_OFFER, Form
 from mapgraft.graph.claims import Source
 from mapgraft.network.meetings import Met, read_met, write_met
 from mapgraft.network.packing import Reader, Writer, pack_offer, texts, unpack_offer, write_texts
 
 MAGIC: Final = b"MGN\x01"
 MOST_BYTES: Final = 1 << 16  # of one message
-MOST_OFFER: Final = 1 << 14
 MOST_CLAIM: Final = 1 << 12
 MOST_LISTED: Final = 1 << 15
 PIECE: Final = 1 << 14  # bytes of a part, unpacked; a longer part travels in several
@@ -222,13 +221,26 @@ def _hash(data: bytes, size: int) -> bytes:
     return hashlib.blake2b(data, digest_size=size).digest()
 
 
+def _write_offer(writer: Writer, offer: bytes) -> None:
+    packed = pack_offer(offer)
+    if (size := max(len(offer), len(packed))) > MOST_OFFER:
+        raise MapError(f"an offer of {size} bytes is too long to be sent: {MOST_OFFER} are read")
+    writer.text(packed)
+
+
+def _read_offer(reader: Reader) -> bytes:
+    return unpack_offer(reader.text(MOST_OFFER), MOST_OFFER)
+
+
 def _write_hello(writer: Writer, hello: Hello) -> None:
-    writer.raw(hello.writer).text(pack_offer(hello.offer)).raw(hello.own).raw(hello.others)
+    writer.raw(hello.writer)
+    _write_offer(writer, hello.offer)
+    writer.raw(hello.own).raw(hello.others)
     write_texts(writer, hello.claims)
 
 
 def _read_hello(reader: Reader) -> Hello:
-    writer, offer = reader.raw(WRITER), unpack_offer(reader.text(MOST_OFFER), MOST_OFFER)
+    writer, offer = reader.raw(WRITER), _read_offer(reader)
     digests = reader.raw(DIGEST), reader.raw(DIGEST)
     return Hello(writer, offer, *digests, tuple(texts(reader, MOST_LISTED, MOST_CLAIM)))
 
@@ -277,8 +289,9 @@ def _write_parts(writer: Writer, parts: Parts) -> None:
     if parts.head is None:
         return
     head = parts.head
-    writer.raw(head.writer).text(pack_offer(head.offer)).number(head.version).number(_FORMS.index(head.form))
-    writer.raw(head.digest).number(len(parts.pieces))
+    writer.raw(head.writer)
+    _write_offer(writer, head.offer)
+    writer.number(head.version).number(_FORMS.index(head.form)).raw(head.digest).number(len(parts.pieces))
     before = b""
     for piece in parts.pieces:
         common = _common(before, piece.name)
@@ -303,7 +316,7 @@ def _read_parts(reader: Reader) -> Parts:
         raise ValueError(f"it is message {number} of {count}")
     if not reader.number(1):
         return Parts(copy, since, None, number, count, (), reason)
-    writer, offer, version = reader.raw(WRITER), unpack_offer(reader.text(MOST_OFFER), MOST_OFFER), reader.number()
+    writer, offer, version = reader.raw(WRITER), _read_offer(reader), reader.number()
     head = Head(writer, offer, version, _FORMS[reader.number(len(_FORMS) - 1)], reader.raw(DIGEST))
     pieces: list[Piece] = []
     for _ in range(reader.number(MOST_LISTED)):

@@ -182,7 +182,8 @@ class RunFolder:
         self._ledgers = findings
 
     def carried(self, traffic: Traffic) -> None:
-        """How many bytes went from each robot to each other, for the summary and the table ``traffic``."""
+        """How many bytes went from each robot to each other, and what came for nothing, for the summary; the bytes also
+        for the table ``traffic``."""
         self._traffic = traffic
         self._parquet.carried(traffic.bytes)
 
@@ -316,6 +317,7 @@ class RunFolder:
         for name, content in files.items():
             self._staging.write(name, content)
         robots = {robot: self._summary_of(robot) for robot in sorted(self._scene.robots)}
+        unread = self._traffic.unread
         summary: dict[str, Any] = {
             "run_id": self._run_id,
             "version": self._provenance.version,
@@ -331,6 +333,7 @@ class RunFolder:
                 {"receiver": receiver, "kind": kind, "bytes": size}
                 for (receiver, kind), size in self._traffic.received.items()
             ],
+            **({"unread": {name: one._asdict() for name, one in sorted(unread.items())}} if unread else {}),
             **({"ledgers": self._ledgers} if self._ledgers else {}),
             **({"unshown": self.unshown} if self.unshown else {}),
             "lost": self._lost,

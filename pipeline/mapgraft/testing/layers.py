@@ -7,7 +7,7 @@ import dataclasses
 from hypothesis import strategies as st
 
 from mapgraft.contracts import MapError, Provenance
-from mapgraft.exchange import Offer
+from mapgraft.exchange import MOST_OFFER, Offer
 from mapgraft.testing.content import content_of
 from mapgraft.testing.laws import BrokenLawError, Drawing, law, require
 from mapgraft.testing.supply import Supply, layer_of, require_same_map, scene_of
@@ -142,6 +142,7 @@ class LayerLaws(Supply):
             data = Offer(Provenance("robot", 1, 1), told).encode()
         except TypeError as error:
             raise BrokenLawError(f"they cannot be written as JSON: {error}") from error
+        require(len(data) <= MOST_OFFER, f"they take {len(data):,} bytes of JSON, {MOST_OFFER:,} are read")
         arrived = Offer.decode(data).metadata
         require(content_of(arrived) == content_of(told), f"told was {told}, what arrives is {arrived}")
         require(map_type.encode(layer) == before, "telling them changed the layer")
