@@ -16,8 +16,8 @@ import pytest
 
 import mapgraft
 from mapgraft.corpus import Dataset, Job, executor_of, read_plan, run_corpus
-from mapgraft.corpus.crew import WorkerDiedError
 from mapgraft.corpus.dataset import PART, TABLES
+from mapgraft.corpus.member import WorkerDiedError
 from mapgraft.outputs.labels import label
 
 Content = Callable[[str], dict[str, bytes]]
