@@ -7,7 +7,7 @@ import os
 import shutil
 import threading
 from collections.abc import Callable
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ import mapgraft
 from mapgraft.corpus import Dataset, Job, executor_of, read_plan, run_corpus
 from mapgraft.corpus.dataset import PART, TABLES
 from mapgraft.corpus.member import WorkerDiedError
+from mapgraft.errors import OutputError
 from mapgraft.outputs.labels import label
 
 Content = Callable[[str], dict[str, bytes]]
@@ -131,6 +132,32 @@ def test_a_worker_that_dies_is_tried_again_and_not_for_ever(jobs: list[Job], tmp
     assert executor.calls == 3 and failed.attempts == 3
     (row,) = Dataset(str(tmp_path / "b")).table("failures").to_pylist()
     assert (row["error"], row["attempts"]) == ("WorkerDiedError", 3)
+
+
+def test_where_the_executor_breaks_no_job_is_to_blame(jobs: list[Job], tmp_path: Path) -> None:
+    class Breaking(Executor):
+        """Does one call, and none after it; the next is taken, and every further one refused."""
+
+        def __init__(self) -> None:
+            self.calls = 0
+
+        def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+            self.calls += 1
+            future: Future[Any] = Future()
+            if self.calls == 1:
+                future.set_result(fn(*args, **kwargs))
+            elif self.calls < broken:
+                future.set_exception(BrokenExecutor("all have left."))
+            else:
+                raise BrokenExecutor("all have left.")
+            return future
+
+    for broken in (2, 4):
+        place = str(tmp_path / str(broken))
+        with pytest.raises(OutputError, match=r"^all have left: what is done .* the same command goes on from there$"):
+            run_corpus(jobs, place, Breaking(), retries=0)
+        assert len(Dataset(place).runs()) == 1 and not Dataset(place).failures()
+        assert len(run_corpus(jobs, place, Inline()).done) == 2
 
 
 def test_what_was_half_appended_is_done_again_and_counts_only_then(

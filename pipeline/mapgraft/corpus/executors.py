@@ -60,13 +60,15 @@ def _dask(address: str) -> Iterator[Executor]:
         from distributed import Client
     except ImportError:
         raise UsageError("a Dask cluster needs the extra dask: pip install 'mapgraft[dask]'") from None
+    from mapgraft.corpus.cluster import Cluster
+
     connect: Any = Client  # without types
     try:
         client = connect(address, timeout=_CONNECTING_S, set_as_default=False)
     except (OSError, ValueError) as error:
         raise UsageError(f"there is no Dask scheduler at {address!r}: {error}") from None
     try:
-        executor: Executor = client.get_executor(pure=False)  # the same job again is to be done again
+        executor = Cluster(client, address, 3 * _CONNECTING_S)
         try:
             yield executor
         except BaseException:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import queue
 from collections.abc import Sequence
-from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -15,7 +15,7 @@ from mapgraft.corpus.places import is_url
 from mapgraft.corpus.plan import Job
 from mapgraft.corpus.recordings import FarRecording, far_recording
 from mapgraft.corpus.working import Outcome, Task, failure_row, identity, work
-from mapgraft.errors import MapgraftError
+from mapgraft.errors import MapgraftError, OutputError
 from mapgraft.plugins import load_plugins
 
 RETRIES = 2
@@ -66,10 +66,15 @@ def run_corpus(
     ``executor`` is any of ``concurrent.futures``, whose workers can write the ``dataset`` (a path or URL). A job that
     fails for a reason that may pass is tried again, at most ``retries`` times, behind all others; one that fails for
     good gets a row in ``failures``. ``without`` names plugins to leave out. Raises OutputError when the data set cannot
-    be read or written, and lets KeyboardInterrupt pass: what is done is there, and the same call goes on from it.
+    be read or written, or when the executor is broken (BrokenExecutor), and lets KeyboardInterrupt pass: what is done
+    is there, and the same call goes on from it.
     """
     course = _Course(Dataset(dataset), executor, retries, tuple(without), progress, len(jobs))
-    course.begin(jobs)
+    try:
+        course.begin(jobs)
+    except BrokenExecutor as error:
+        why = str(error).rstrip(".") or "the executor is broken"
+        raise OutputError(f"{why}: what is done is in the data set, and the same command goes on from there") from error
     return course.report
 
 
@@ -165,9 +170,14 @@ class _Course:
 
 
 def _outcome(task: Task, future: Future[Outcome]) -> Outcome:
-    """What a worker said; a failure, where it did not come to say anything."""
+    """What a worker said; a failure, where it did not come to say anything.
+
+    Raises BrokenExecutor: no job is to blame for that.
+    """
     try:
         return future.result()
+    except BrokenExecutor:
+        raise
     except CancelledError:
         return Outcome(task.job.id, "failed", error="CancelledError", reason="it was cancelled", again=True)
     except Exception as error:
