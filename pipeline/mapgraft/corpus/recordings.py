@@ -18,6 +18,9 @@ SUFFIXES = (".mcap", ".bag", ".log", ".clf", ".gfs", ".log.gz", ".clf.gz", ".gfs
 OWN = ".merge.mcap"  # what a run has written is no recording of a corpus
 _ETAGS = ("ETag", "etag", "md5Hash", "content_md5")  # as the libraries of the stores call it
 _BAG = "metadata.yaml"  # tells that a folder is a ROS 2 bag
+_OF_READERS = "-shm"  # beside an SQLite database: made and removed by whoever reads it
+Looks = tuple[tuple[str, int, int], ...]
+"""Paths, sizes (bytes) and times of last writing (ns): as long as they stay, files are taken for unchanged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +107,13 @@ def near_file(path: Path) -> InputFile | None:
     except OSError:
         return None
     return InputFile(str(path), "", told.st_size, modified_ns=told.st_mtime_ns) if path.is_file() else None
+
+
+def looks_of(path: Path) -> Looks:
+    """What a disk says of a file, or of all files in a folder; nothing where there is none."""
+    files = sorted(path.rglob("*")) if path.is_dir() else [path]
+    told = [near_file(file) for file in files if not file.name.endswith(_OF_READERS)]
+    return tuple((file.path, file.size_bytes, file.modified_ns or 0) for file in told if file is not None)
 
 
 def recordings_in(folder: str, suffixes: Sequence[str] = ()) -> list[str]:
