@@ -158,6 +158,18 @@ def test_a_pattern_is_looked_for_wherever_it_stands(tmp_path: Path) -> None:
     assert len(read_plan(str(folder))) == 6
 
 
+def test_paths_are_relative_to_the_file_they_stand_in(tmp_path: Path) -> None:
+    touched(tmp_path, "a.mcap", "said/labels.csv", "said/poses.tum")
+    config = "examples: {truth: labels.csv}\nrobots: {r: {poses: {file: poses.tum}}}"
+    written(tmp_path / "said" / "labels.yaml", config)
+    text = "missions: [{files: [a.mcap], config: {examples: {truth: here.csv}}}]\nconfigs: {said: said/labels.yaml}"
+    (job,) = read_plan(written(tmp_path / "corpus.yaml", text))
+    assert job.content["examples"] == {"truth": str(tmp_path / "here.csv")}
+    assert job.content["robots"]["r"]["poses"] == {"file": str(tmp_path / "said" / "poses.tum")}
+    (job,) = read_plan(str(tmp_path), [str(tmp_path / "said" / "labels.yaml")])
+    assert job.content["examples"] == {"truth": str(tmp_path / "said" / "labels.csv")}
+
+
 def test_configurations_are_given_in_one_place_and_have_names_of_their_own(tmp_path: Path) -> None:
     touched(tmp_path, "a.mcap")
     one, other = written(tmp_path / "c.yaml", "{}"), written(tmp_path / "c.toml", "")

@@ -134,6 +134,8 @@ def _anchored(content: Content, folder: str) -> Content:
         out["rules"] = whole(rules, folder)
     if isinstance(robots := out.get("robots"), Mapping):
         out["robots"] = {name: _anchored_robot(robot, folder) for name, robot in robots.items()}
+    if isinstance(examples := out.get("examples"), Mapping) and isinstance(truth := examples.get("truth"), str):
+        out["examples"] = {**examples, "truth": whole(truth, folder)}
     return out
 
 

@@ -137,7 +137,7 @@ def fetched_inputs(job: Job, root: Path, digests: Digests) -> Inputs:
 
     Raises RecordingError for what cannot be had.
     """
-    far = {place: far_recording(place) for place in places_of(job) if is_url(place)}
+    far = {place: far_recording(place) for place in _read_by(job) if is_url(place)}
     near = {Path(place): looks_of(Path(place)) for place in places_of(job) if not is_url(place)}
     octets, known = dict[Path, RangedOctets](), dict[Path, InputFile]()
     for url, recording in far.items():
@@ -159,7 +159,7 @@ def _paths(job: Job, root: Path) -> tuple[Path, ...]:
 
 def _content(job: Job, root: Path) -> dict[str, Any]:
     """The configuration with paths instead of URLs; the decision table that it named lies in ``root``."""
-    content = pointed(job.content, {url: str(stand_in(root, url)) for url in places_of(job) if is_url(url)})
+    content = pointed(job.content, {url: str(stand_in(root, url)) for url in _read_by(job) if is_url(url)})
     if job.rules_text:
         rules = root / f"{hashlib.sha256(job.rules_text.encode()).hexdigest()}.yaml"
         rules.write_text(job.rules_text, encoding="utf-8")
@@ -172,7 +172,7 @@ def _digest_of(told: InputFile, digests: Digests) -> str | None:
 
 
 def places_of(job: Job) -> list[str]:
-    """Everything that a job reads by name, each once: recordings, and what its configuration adds."""
+    """Everything that makes a job's run what it is, each once: recordings, and what its configuration adds."""
     places = list(job.files)
     for robot in (job.content.get("robots") or {}).values():
         places += [file for file in robot.get("files") or () if is_url(file) or Path(file).is_absolute()]
@@ -181,11 +181,19 @@ def places_of(job: Job) -> list[str]:
     return list(dict.fromkeys(places))
 
 
+def _read_by(job: Job) -> list[str]:
+    """Everything that a job reads by name: also the file of what persons say, which makes no other run."""
+    truth = (job.content.get("examples") or {}).get("truth")
+    return [*places_of(job), *([truth] if isinstance(truth, str) else [])]
+
+
 def pointed(content: Mapping[str, Any], paths: Mapping[str, str]) -> dict[str, Any]:
     """A configuration in which URLs of files have given way to paths."""
     out = dict(content)
     if robots := content.get("robots"):
         out["robots"] = {name: _pointed_robot(robot, paths) for name, robot in robots.items()}
+    if (examples := content.get("examples")) and isinstance(truth := examples.get("truth"), str):
+        out["examples"] = {**examples, "truth": paths.get(truth, truth)}
     return out
 
 
