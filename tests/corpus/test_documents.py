@@ -89,6 +89,8 @@ configs:
         ("missions: [{files: [no*.mcap]}]", "matches nothing"),
         ("missions: [{each: empty}]", "holds no recording"),
         ("missions: [{each: em*}]", "holds no recording"),
+        ("missions: [{files: [a.mcap]}]\njob_time_limit_s: 0", "job_time_limit_s: .*greater than 0"),
+        ("missions: [{files: [a.mcap]}]\njob_time_limit_s: .inf", "job_time_limit_s: .*finite"),
         ("missions: [{files: [a.mcap]}]\nconfigs: {c: {rules: [{name: x, mach: no}]}}", "mission a: .*\n.*rule 1"),
     ],
 )
@@ -168,6 +170,16 @@ def test_paths_are_relative_to_the_file_they_stand_in(tmp_path: Path) -> None:
     assert job.content["robots"]["r"]["poses"] == {"file": str(tmp_path / "said" / "poses.tum")}
     (job,) = read_plan(str(tmp_path), [str(tmp_path / "said" / "labels.yaml")])
     assert job.content["examples"] == {"truth": str(tmp_path / "said" / "labels.csv")}
+
+
+def test_a_time_limit_is_every_jobs_and_makes_it_no_other(tmp_path: Path) -> None:
+    touched(tmp_path, "a.mcap", "b.mcap")
+    text = "missions: [{each: [a.mcap, b.mcap]}]"
+    free = read_plan(written(tmp_path / "corpus.yaml", text))
+    limited = read_plan(written(tmp_path / "corpus.yaml", f"{text}\njob_time_limit_s: 90"))
+    assert [job.time_limit_s for job in free] == [None, None]
+    assert [job.time_limit_s for job in limited] == [90.0, 90.0]
+    assert [job.id for job in free] == [job.id for job in limited]
 
 
 def test_configurations_are_given_in_one_place_and_have_names_of_their_own(tmp_path: Path) -> None:

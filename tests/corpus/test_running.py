@@ -8,6 +8,7 @@ import shutil
 import threading
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -134,6 +135,19 @@ def test_a_worker_that_dies_is_tried_again_and_not_for_ever(jobs: list[Job], tmp
     assert executor.calls == 3 and failed.attempts == 3
     (row,) = Dataset(str(tmp_path / "b")).table("failures").to_pylist()
     assert (row["error"], row["attempts"]) == ("WorkerDiedError", 3)
+
+
+def test_a_job_that_takes_too_long_is_ended_and_told_and_stops_nobody(jobs: list[Job], tmp_path: Path) -> None:
+    place = str(tmp_path / "set")
+    limited = [replace(jobs[0], time_limit_s=0.01), *(replace(job, time_limit_s=600.0) for job in jobs[1:])]
+    with executor_of("processes", 1) as executor:
+        report = run_corpus(limited, place, executor)
+    assert len(report.done) == 2 and not report.retried
+    (row,) = Dataset(place).table("failures").to_pylist()
+    assert (row["mission"], row["error"], row["attempts"]) == (jobs[0].mission, "TimeLimitError", 1)
+    assert row["reason"].startswith("it was ended after 0.01 s, as job_time_limit_s says: ")
+    report = run_corpus(limited, place, Inline())  # which cannot end a job
+    assert len(report.done) == 1 and len(report.kept) == 2 and not Dataset(place).failures()
 
 
 def test_where_the_executor_breaks_no_job_is_to_blame(jobs: list[Job], tmp_path: Path) -> None:

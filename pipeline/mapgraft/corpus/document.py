@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -43,10 +43,14 @@ class MissionEntry(Section):
 
 
 class CorpusDocument(Section):
-    """A corpus: every mission is run with every one of ``configs`` (a file or its content, by name)."""
+    """A corpus: every mission is run with every one of ``configs`` (a file or its content, by name).
+
+    A job that takes longer than ``job_time_limit_s`` is ended, where it runs in a process that can be ended.
+    """
 
     missions: list[MissionEntry] = Field(min_length=1)
     configs: dict[str, dict[str, Any] | str] = Field(default_factory=dict)
+    job_time_limit_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
 
 
 def read_plan(source: str, configs: Sequence[str] = (), plugins: Plugins | None = None) -> list[Job]:
@@ -62,7 +66,7 @@ def read_plan(source: str, configs: Sequence[str] = (), plugins: Plugins | None 
     given = [_setting(stem(Path(file)), file, "", faults) for file in configs]
     if is_url(source) or local(source).is_dir():
         missions = _missions(MissionEntry(each=[source]), "", suffixes, faults)
-        return _jobs(missions, given, faults)
+        return _jobs(missions, given, None, faults)
     if not name_of(source).endswith(DOCUMENTS):
         raise ConfigError(f"{source} is neither a folder of recordings nor a document ({', '.join(DOCUMENTS)})")
     path = local(source)
@@ -72,7 +76,7 @@ def read_plan(source: str, configs: Sequence[str] = (), plugins: Plugins | None 
     folder = str(path.parent)
     told = [_setting(name, content, folder, faults) for name, content in document.configs.items()]
     missions = [one for entry in document.missions for one in _missions(entry, folder, suffixes, faults)]
-    return _jobs(missions, told or given, faults)
+    return _jobs(missions, told or given, document.job_time_limit_s, faults)
 
 
 def _setting(name: str, given: Mapping[str, Any] | str, folder: str, faults: Faults) -> Setting:
@@ -83,7 +87,9 @@ def _setting(name: str, given: Mapping[str, Any] | str, folder: str, faults: Fau
     return Setting(name, content)
 
 
-def _jobs(missions: Sequence[Mission], settings: Sequence[Setting], faults: Faults) -> list[Job]:
+def _jobs(
+    missions: Sequence[Mission], settings: Sequence[Setting], time_limit_s: float | None, faults: Faults
+) -> list[Job]:
     """The jobs, where nothing is wrong with what they are made of; raises all that is."""
     jobs = list[Job]()
     names = [setting.name for setting in settings]
@@ -93,7 +99,7 @@ def _jobs(missions: Sequence[Mission], settings: Sequence[Setting], faults: Faul
     with faults.noted():
         missions = named(missions)
     with faults.noted():
-        jobs = jobs_of(missions, settings or [Setting(DEFAULT, {})])
+        jobs = jobs_of(missions, settings or [Setting(DEFAULT, {})], time_limit_s)
     faults.tell()
     return jobs
 

@@ -43,7 +43,8 @@ class Job:
     """One mission with one configuration: everything that a worker on another machine has to know.
 
     ``config_text`` is JSON, ``rules_text`` the decision table of a file that the configuration names, else empty. Jobs
-    of equal files, configuration and rules have equal ids.
+    of equal files, configuration and rules have equal ids. Where the executor can end a call, a job is ended that takes
+    longer than ``time_limit_s``.
     """
 
     mission: str
@@ -51,6 +52,7 @@ class Job:
     files: tuple[str, ...]
     config_text: str
     rules_text: str = ""
+    time_limit_s: float | None = None
 
     @property
     def id(self) -> str:
@@ -67,7 +69,7 @@ class Job:
         return content
 
 
-def jobs_of(missions: Sequence[Mission], settings: Sequence[Setting]) -> list[Job]:
+def jobs_of(missions: Sequence[Mission], settings: Sequence[Setting], time_limit_s: float | None = None) -> list[Job]:
     """Every mission with every configuration, a mission's jobs behind each other; what is the same comes once.
 
     Raises ConfigError or DecisionTableError where configurations, with what missions lay over them, do not fit: with
@@ -84,7 +86,7 @@ def jobs_of(missions: Sequence[Mission], settings: Sequence[Setting]) -> list[Jo
                 rules_text = _without_rules(content)
             if not faults.found:
                 text = json.dumps(content, sort_keys=True)
-                job = Job(mission.name, setting.name, mission.files, text, rules_text)
+                job = Job(mission.name, setting.name, mission.files, text, rules_text, time_limit_s)
                 jobs.setdefault(job.id, job)
     faults.tell()
     return list(jobs.values())

@@ -10,7 +10,9 @@ from typing import Protocol
 
 from mapgraft.config import parse_config
 from mapgraft.corpus.dataset import Dataset
+from mapgraft.corpus.executors import ends_calls
 from mapgraft.corpus.fetching import Digests, named_inputs, places_of, scratch
+from mapgraft.corpus.member import TimeLimitError
 from mapgraft.corpus.places import is_url
 from mapgraft.corpus.plan import Job
 from mapgraft.corpus.recordings import FarRecording, far_recording
@@ -65,9 +67,9 @@ def run_corpus(
 
     ``executor`` is any of ``concurrent.futures``, whose workers can write the ``dataset`` (a path or URL). A job that
     fails for a reason that may pass is tried again, at most ``retries`` times, behind all others; one that fails for
-    good gets a row in ``failures``. ``without`` names plugins to leave out. Raises OutputError when the data set cannot
-    be read or written, or when the executor is broken (BrokenExecutor), and lets KeyboardInterrupt pass: what is done
-    is there, and the same call goes on from it.
+    good gets a row in ``failures``. The time limit of a job holds where ``ends_calls`` says so. ``without`` names
+    plugins to leave out. Raises OutputError when the data set cannot be read or written, or when the executor is broken
+    (BrokenExecutor), and lets KeyboardInterrupt pass: what is done is there, and the same call goes on from it.
     """
     course = _Course(Dataset(dataset), executor, retries, tuple(without), progress, len(jobs))
     try:
@@ -119,7 +121,11 @@ class _Course:
             self._hear(*self._next())
 
     def _submit(self, task: Task) -> None:
-        future = self._executor.submit(work, task)
+        limit_s, executor = task.job.time_limit_s, self._executor
+        if limit_s is not None and ends_calls(executor):
+            future = executor.submit_within(limit_s, work, task)
+        else:
+            future = executor.submit(work, task)
         self._under_way += 1
         future.add_done_callback(lambda ended: self._ended.put((task, ended)))
 
@@ -172,12 +178,16 @@ class _Course:
 def _outcome(task: Task, future: Future[Outcome]) -> Outcome:
     """What a worker said; a failure, where it did not come to say anything.
 
-    Raises BrokenExecutor: no job is to blame for that.
+    What took too long once is not tried again: it would most likely take its time again. Raises BrokenExecutor: no job
+    is to blame for that.
     """
     try:
         return future.result()
     except BrokenExecutor:
         raise
+    except TimeLimitError as error:
+        reason = f"{error}, as job_time_limit_s says: give more where such missions need it"
+        return Outcome(task.job.id, "failed", "", error.limit_s, error=type(error).__name__, reason=reason)
     except CancelledError:
         return Outcome(task.job.id, "failed", error="CancelledError", reason="it was cancelled", again=True)
     except Exception as error:
