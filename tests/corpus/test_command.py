@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -75,6 +76,23 @@ def test_what_is_wrong_is_one_sentence(
     assert invoke(["corpus", *(word.format(**places) for word in words)]) == code
     captured = capsys.readouterr()
     assert said in captured.err and not captured.out and "Traceback" not in captured.err
+
+
+def test_where_a_time_limit_does_not_hold_it_is_told(
+    recordings: Path, quick: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    missions = [{"files": [str(recordings / "hall.mcap")], "config": dict(quick)}]
+    document = tmp_path / "corpus.yaml"
+    document.write_text(json.dumps({"missions": missions, "job_time_limit_s": 0.01}))
+    assert invoke(corpus(str(document), "-o", str(tmp_path / "set"))) == 0
+    captured = capsys.readouterr()
+    assert "1 done" in captured.out
+    told = " ".join(captured.err.split())
+    assert told == "job_time_limit_s does not hold: --executor threads cannot end a job, processes can"
+    words = ["corpus", str(document), "-o", str(tmp_path / "other"), "--workers", "1"]
+    assert invoke(words) == 1
+    captured = capsys.readouterr()
+    assert "it was ended after 0.01 s" in " ".join(captured.out.split()) and not captured.err
 
 
 def test_a_run_does_not_write_into_a_data_set(

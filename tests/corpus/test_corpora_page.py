@@ -13,6 +13,7 @@ import pytest
 from mapgraft.commands.app import corpus
 from mapgraft.corpus import read_plan
 from mapgraft.corpus.dataset import PART, TABLES
+from mapgraft.corpus.document import CorpusDocument, MissionEntry
 from mapgraft.corpus.stores import UNFINISHED
 from mapgraft.recording.containers.octets import BLOCK_BYTES
 
@@ -47,6 +48,7 @@ def test_the_document_is_one(tmp_path: Path, s3: Any) -> None:
     missions = list(dict.fromkeys((job.mission, len(job.files)) for job in jobs))
     assert missions == [("office", 2), ("2026-03-01", 2), ("a", 1), ("b", 1), ("north", 1)]
     assert len(jobs) == 10 and jobs[0].content["mission"] == {"common_event": "/diagnostics"}
+    assert all(job.time_limit_s == 3600 for job in jobs)
 
 
 def test_the_examples_run(
@@ -70,5 +72,7 @@ def test_every_option_and_number_of_the_code_is_on_the_page() -> None:
     for name in set(corpus.__annotations__) - DEFAULTED - {"return"}:
         spelt = {"config": "-c"}.get(name, f"--{name.replace('_', '-')}")
         assert f"`{spelt}`" in PAGE, spelt
+    for name in (*CorpusDocument.model_fields, *MissionEntry.model_fields):
+        assert re.search(rf"\b{name}:", PAGE), name
     assert f"blocks of {BLOCK_BYTES >> 10} KiB" in PAGE
     assert f"`dataset/{UNFINISHED}`" in PAGE and f"run_id=<run>/{PART}`" in PAGE

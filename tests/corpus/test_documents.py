@@ -88,12 +88,98 @@ configs:
         ("missions: [{files: [a.mcap]}]\nconfigs: {c: {mapp: {}}}", r"configuration c of the mission a(.|\n)*mapp"),
         ("missions: [{files: [no*.mcap]}]", "matches nothing"),
         ("missions: [{each: empty}]", "holds no recording"),
+        ("missions: [{each: em*}]", "holds no recording"),
+        ("missions: [{files: [a.mcap]}]\njob_time_limit_s: 0", "job_time_limit_s: .*greater than 0"),
+        ("missions: [{files: [a.mcap]}]\njob_time_limit_s: .inf", "job_time_limit_s: .*finite"),
+        ("missions: [{files: [a.mcap]}]\nconfigs: {c: {rules: [{name: x, mach: no}]}}", "mission a: .*\n.*rule 1"),
     ],
 )
 def test_what_is_wrong_with_a_document_is_told_before_anything_is_run(tmp_path: Path, text: str, said: str) -> None:
     touched(tmp_path, "a.mcap", "b.mcap", "empty/readme.txt")
-    with pytest.raises((ConfigError, RecordingError), match=said):
+    with pytest.raises((ConfigError, DecisionTableError, RecordingError), match=said):
         read_plan(written(tmp_path / "corpus.yaml", text))
+
+
+def test_everything_that_is_wrong_is_told_at_once(tmp_path: Path) -> None:
+    touched(tmp_path, *(f"{name}.mcap" for name in "abcdef"))
+    written(tmp_path / "rules.yaml", "[{name: never, mach: no}]")
+    text = """
+missions:
+  - {each: ["[a-e].mcap"]}
+  - {files: [f.mcap, no*.mcap, none*.mcap], config: {mapp: {}}}
+  - {name: twice, files: [f.mcap], config: {rules: rules.yaml, priors: 3}}
+  - {name: twice, files: [f.mcap], config: gone.yaml}
+configs:
+  one: {reversal: nonsense}
+  two: {reversal: nonsense}
+  three: {consistency: {margin: -3}}
+  four: lost.yaml
+"""
+    with pytest.raises(ConfigError) as told:
+        read_plan(written(tmp_path / "corpus.yaml", text))
+    said = str(told.value)
+    for fault in (
+        f"there is no file {tmp_path / 'lost.yaml'}",
+        f"{tmp_path / 'no*.mcap'} matches nothing",
+        f"{tmp_path / 'none*.mcap'} matches nothing",
+        f"there is no file {tmp_path / 'gone.yaml'}",
+        "two missions are called twice",
+        "the configurations one, two of the missions a.mcap, b.mcap, c.mcap and 5 more: reversal: ",
+        "the configuration three of the missions a.mcap, b.mcap, c.mcap and 5 more: consistency.margin: ",
+        "the configurations one, two, three and 1 more of the mission f.mcap: mapp: ",
+        "the configurations one, two, three and 1 more of the mission twice: priors: ",
+        f"of the mission twice: the decision table {tmp_path / 'rules.yaml'} has 1 fault(s):\n  rule 1 (never)",
+    ):
+        assert said.count(fault) == 1, fault
+    assert said.count("\n") == 10
+
+
+def test_a_pattern_is_looked_for_wherever_it_stands(tmp_path: Path) -> None:
+    folder = touched(
+        tmp_path / "run [1]",
+        *("m1/lidar.mcap", "m1/camera.mcap", "m2/lidar.mcap", "m2/deep/x.bag", "empty/notes.txt", "odd[1].mcap"),
+        *("bags/one/metadata.yaml", "bags/one/one_0.db3", "bags/one/one_1.db3"),
+    )
+    written(folder / "bags/one/metadata.yaml", "rosbag2_bagfile_information: {}")
+
+    def files(entry: str) -> list[tuple[str, ...]]:
+        plan = read_plan(written(folder / "corpus.yaml", f"missions: [{{{entry}}}]"))
+        return [tuple(str(Path(file).relative_to(folder)) for file in job.files) for job in plan]
+
+    both = ("m1/lidar.mcap", "m2/lidar.mcap")
+    assert files('each: "*/lidar.mcap"') == [(file,) for file in both]
+    assert files('files: ["*/lidar.mcap"]') == [both]
+    assert files(f'each: "{folder.parent}/run ?1?/m*/lidar.mcap"') == [(file,) for file in both]
+    assert files('each: "m?"') == [("m1/camera.mcap",), ("m1/lidar.mcap",), ("m2/deep/x.bag",), ("m2/lidar.mcap",)]
+    assert files('each: ["bags/*", bags/one, bags]') == [("bags/one",)]
+    assert files('files: ["odd[1].mcap"]') == files('each: "odd[1].mcap"') == [("odd[1].mcap",)]
+    assert [job.files for job in read_plan(str(folder / "m1"))] == [
+        (str(folder / f"m1/{n}.mcap"),) for n in ("camera", "lidar")
+    ]
+    written(folder / "metadata.yaml", "of: another kind")
+    assert len(read_plan(str(folder))) == 6
+
+
+def test_paths_are_relative_to_the_file_they_stand_in(tmp_path: Path) -> None:
+    touched(tmp_path, "a.mcap", "said/labels.csv", "said/poses.tum")
+    config = "examples: {truth: labels.csv}\nrobots: {r: {poses: {file: poses.tum}}}"
+    written(tmp_path / "said" / "labels.yaml", config)
+    text = "missions: [{files: [a.mcap], config: {examples: {truth: here.csv}}}]\nconfigs: {said: said/labels.yaml}"
+    (job,) = read_plan(written(tmp_path / "corpus.yaml", text))
+    assert job.content["examples"] == {"truth": str(tmp_path / "here.csv")}
+    assert job.content["robots"]["r"]["poses"] == {"file": str(tmp_path / "said" / "poses.tum")}
+    (job,) = read_plan(str(tmp_path), [str(tmp_path / "said" / "labels.yaml")])
+    assert job.content["examples"] == {"truth": str(tmp_path / "said" / "labels.csv")}
+
+
+def test_a_time_limit_is_every_jobs_and_makes_it_no_other(tmp_path: Path) -> None:
+    touched(tmp_path, "a.mcap", "b.mcap")
+    text = "missions: [{each: [a.mcap, b.mcap]}]"
+    free = read_plan(written(tmp_path / "corpus.yaml", text))
+    limited = read_plan(written(tmp_path / "corpus.yaml", f"{text}\njob_time_limit_s: 90"))
+    assert [job.time_limit_s for job in free] == [None, None]
+    assert [job.time_limit_s for job in limited] == [90.0, 90.0]
+    assert [job.id for job in free] == [job.id for job in limited]
 
 
 def test_configurations_are_given_in_one_place_and_have_names_of_their_own(tmp_path: Path) -> None:
@@ -146,7 +232,8 @@ def test_places_mean_the_same_from_everywhere(tmp_path: Path) -> None:
     assert whole("x/../y", str(tmp_path)) == f"{tmp_path}/x/../y"
     assert whole("y.mcap", "s3://bucket/folder") == "s3://bucket/folder/y.mcap"
     assert whole(f"file://{tmp_path}/a") == f"{tmp_path}/a" == whole(f"{tmp_path}/a", "/elsewhere")
-    assert whole("gs://b/a", "/elsewhere") == "gs://b/a"
+    assert whole("gs://b/a", "/elsewhere") == "gs://b/a" == whole("gs://b/a/")
+    assert whole("gs://") == "gs://" and whole(f"{tmp_path}/a/") == f"{tmp_path}/a"
     with pytest.raises(UsageError, match="names another machine"):
         local("file://other/a")
     assert stand_in(Path("/root"), "s3://b/../../etc/passwd") == Path("/root/s3/b/etc/passwd")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -19,6 +20,7 @@ from mapgraft.corpus import fetching as fetching_module
 from mapgraft.corpus.fetching import fetched_inputs, scratch
 from mapgraft.corpus.plan import Job
 from mapgraft.corpus.recordings import far_recording
+from mapgraft.corpus.running import those_there
 from mapgraft.errors import RecordingError
 from mapgraft.recording.containers.octets import RangedOctets
 from mapgraft_recordings import demo_files
@@ -131,6 +133,38 @@ missions:
     assert outcome.fetched_bytes == sum(s3.info(f"bags/{name}.bag")["size"] for name in ("robot1", "robot2"))
     (row,) = Dataset("s3://bags/set").table("runs").to_pylist()
     assert len(row["robots"]) == 2 and "/tmp" not in str(row)
+
+
+def test_what_persons_say_is_fetched_and_makes_no_other_run(
+    s3: Any, recordings: Path, quick: Any, tmp_path: Path, pool: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    s3.mkdir("said")
+    hall, place = recordings / "hall.mcap", str(tmp_path / "set")
+    receiver, donor = sorted(mapgraft.run(hall, quick).maps)
+    labels = f"receiver,donor,label,x_m,y_m,yaw_rad\n{receiver},{donor},right,1.5,2.5,0.5\n"
+    s3.pipe_file("said/labels.csv", labels.encode())
+    (tmp_path / "labels.csv").write_text(labels)
+    texts = [
+        json.dumps({"missions": [{"files": [str(hall)], "config": {**quick, "examples": {"truth": truth}}}]})
+        for truth in ("s3://said/labels.csv", "labels.csv", "s3://said/none.csv")
+    ]
+    jobs = []
+    for text in texts:
+        (tmp_path / "corpus.yaml").write_text(text)
+        jobs += read_plan(str(tmp_path / "corpus.yaml"))
+    monkeypatch.chdir("/")
+    tables = []
+    for job in jobs[:2]:
+        shutil.rmtree(place, ignore_errors=True)
+        report = run_corpus([job], place, pool)
+        assert len(report.done) == 1, [failed.outcome.reason for failed in report.failed]
+        assert len(run_corpus([job], place, pool).kept) == 1
+        tables.append(Dataset(place).table("examples", ["example_id", "truth_by", "truth_T"]))
+        assert len(Dataset(place).table("recordings")) == 1
+    assert "given" in tables[0]["truth_by"].to_pylist() and tables[0] == tables[1]
+    assert set(those_there(jobs, Dataset(place))) == set(jobs)  # told without reading what persons say
+    (failed,) = run_corpus(jobs[2:], str(tmp_path / "other"), pool).failed
+    assert failed.outcome.reason == "s3://said/none.csv does not exist" and failed.attempts == 1
 
 
 def test_what_cannot_be_read_is_told_by_its_url(s3: Any, pool: Any, quick_file: str) -> None:

@@ -7,7 +7,8 @@ import os
 import shutil
 import threading
 from collections.abc import Callable
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,12 @@ import pyarrow.compute as pc
 import pytest
 
 import mapgraft
-from mapgraft.corpus import Dataset, Job, executor_of, read_plan, run_corpus
-from mapgraft.corpus.crew import WorkerDiedError
+from mapgraft.corpus import Dataset, Job, executor_of, read_plan, run_corpus, working
 from mapgraft.corpus.dataset import PART, TABLES
+from mapgraft.corpus.fetching import fetched_inputs
+from mapgraft.corpus.member import WorkerDiedError
+from mapgraft.corpus.working import Task, work
+from mapgraft.errors import OutputError, RecordingError
 from mapgraft.outputs.labels import label
 
 Content = Callable[[str], dict[str, bytes]]
@@ -131,6 +135,87 @@ def test_a_worker_that_dies_is_tried_again_and_not_for_ever(jobs: list[Job], tmp
     assert executor.calls == 3 and failed.attempts == 3
     (row,) = Dataset(str(tmp_path / "b")).table("failures").to_pylist()
     assert (row["error"], row["attempts"]) == ("WorkerDiedError", 3)
+
+
+def test_a_job_that_takes_too_long_is_ended_and_told_and_stops_nobody(jobs: list[Job], tmp_path: Path) -> None:
+    place = str(tmp_path / "set")
+    limited = [replace(jobs[0], time_limit_s=0.01), *(replace(job, time_limit_s=600.0) for job in jobs[1:])]
+    with executor_of("processes", 1) as executor:
+        report = run_corpus(limited, place, executor)
+    assert len(report.done) == 2 and not report.retried
+    (row,) = Dataset(place).table("failures").to_pylist()
+    assert (row["mission"], row["error"], row["attempts"]) == (jobs[0].mission, "TimeLimitError", 1)
+    assert row["reason"].startswith("it was ended after 0.01 s, as job_time_limit_s says: ")
+    report = run_corpus(limited, place, Inline())  # which cannot end a job
+    assert len(report.done) == 1 and len(report.kept) == 2 and not Dataset(place).failures()
+
+
+def test_where_the_executor_breaks_no_job_is_to_blame(jobs: list[Job], tmp_path: Path) -> None:
+    class Breaking(Executor):
+        """Does one call, and none after it; the next is taken, and every further one refused."""
+
+        def __init__(self) -> None:
+            self.calls = 0
+
+        def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+            self.calls += 1
+            future: Future[Any] = Future()
+            if self.calls == 1:
+                future.set_result(fn(*args, **kwargs))
+            elif self.calls < broken:
+                future.set_exception(BrokenExecutor("all have left."))
+            else:
+                raise BrokenExecutor("all have left.")
+            return future
+
+    for broken in (2, 4):
+        place = str(tmp_path / str(broken))
+        with pytest.raises(OutputError, match=r"^all have left: what is done .* the same command goes on from there$"):
+            run_corpus(jobs, place, Breaking(), retries=0)
+        assert len(Dataset(place).runs()) == 1 and not Dataset(place).failures()
+        assert len(run_corpus(jobs, place, Inline()).done) == 2
+
+
+def test_a_recording_that_changes_while_it_is_read_is_not_used(
+    recordings: Path, quick_file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "in").mkdir()
+    path, place = tmp_path / "in" / "room.mcap", str(tmp_path / "set")
+    shutil.copy(recordings / "attic.mcap", path)
+    (job,) = read_plan(str(tmp_path / "in"), [quick_file])
+    later, run = [b"this is no recording", (recordings / "hall.mcap").read_bytes()], working.run
+
+    def disturbed(*given: Any, **named: Any) -> Any:
+        if later:
+            path.write_bytes(later.pop())
+        return run(*given, **named)
+
+    monkeypatch.setattr(working, "run", disturbed)
+    for _ in range(2):  # by another recording, and by what cannot be read
+        outcome = work(Task(job, place))
+        assert (outcome.state, outcome.again) == ("failed", True)
+        assert outcome.reason == f"{path} was changed while it was read"
+        assert not Dataset(place).runs()
+    shutil.copy(recordings / "hall.mcap", path)
+    assert work(Task(job, place)).state == "done"
+    (row,) = Dataset(place).table("runs").to_pylist()
+    assert row["run_id"] == mapgraft.run(path, json.loads(Path(quick_file).read_text())).run_id
+
+
+def test_a_folder_that_changes_while_it_is_read_is_noticed(tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    for name in ("metadata.yaml", "bag_0.db3"):
+        (bag / name).write_bytes(b"x")
+    inputs = fetched_inputs(Job("bag", "c", (str(bag),), "{}"), tmp_path, {})
+    (bag / "bag_0.db3-shm").write_bytes(b"by who reads it")
+    inputs.require_read()
+    for change in (lambda: (bag / "bag_1.db3").write_bytes(b"x"), lambda: (bag / "bag_0.db3").write_bytes(b"xy")):
+        inputs = fetched_inputs(Job("bag", "c", (str(bag),), "{}"), tmp_path, {})
+        change()
+        with pytest.raises(RecordingError, match="bag was changed while it was read") as told:
+            inputs.require_read()
+        assert isinstance(told.value.__cause__, OSError)  # the next time it may stay
 
 
 def test_what_was_half_appended_is_done_again_and_counts_only_then(

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from mapgraft.corpus.fetching import scratch
+from mapgraft.corpus.patterns import matching, recordings_of
 from mapgraft.corpus.recordings import far_recording, recordings_in
 from mapgraft.corpus.stores import UNFINISHED, FolderStore, Store, open_store
 from mapgraft.errors import OutputError, RecordingError, UsageError
@@ -100,6 +101,22 @@ def test_refusals_of_an_object_store_are_sentences(s3: Any, tmp_path: Path) -> N
         open_store("nowhere://bucket")
 
 
+def test_names_of_an_object_store_mean_what_they_would_on_a_disk(s3: Any) -> None:
+    s3.mkdir("named")
+    for name in ("m1/lidar.mcap", "m2/lidar.mcap", "m2/notes.txt", "bags/one/one_0.db3", "empty/notes.txt"):
+        s3.pipe_file(f"named/{name}", b"x")
+    s3.pipe_file("named/bags/one/metadata.yaml", b"rosbag2_bagfile_information: {}")
+    both = ["s3://named/m1/lidar.mcap", "s3://named/m2/lidar.mcap"]
+    assert recordings_of("s3://named/*/lidar.mcap") == both == recordings_of("s3://named/m?")
+    assert recordings_of("s3://named/m?/") == both == matching("s3://named/m?/l*")
+    assert recordings_of(both[0]) == both[:1]
+    for bag in ("s3://named/bags", "s3://named/bags/*", "s3://named/bags/one", "s3://named/bags/one/"):
+        assert recordings_of(bag) == ["s3://named/bags/one"]
+    for nothing in ("s3://named/empty", "s3://named/emp*", "s3://named/none.mcap"):
+        with pytest.raises(RecordingError, match="holds no recording"):
+            recordings_of(nothing)
+
+
 def test_recordings_of_an_object_store_are_known_by_what_it_says(s3: Any) -> None:
     s3.mkdir("kept")
     for name in ("a.mcap", "a.mcap.old", "bag/metadata.yaml", "bag/bag_0.db3", "x.merge.mcap"):
@@ -108,6 +125,7 @@ def test_recordings_of_an_object_store_are_known_by_what_it_says(s3: Any) -> Non
     first, bag = far_recording("s3://kept/deep/a.mcap"), far_recording("s3://kept/deep/bag")
     assert (first.input_file.size_bytes, first.is_folder, bag.is_folder) == (6, False, True)
     assert first.input_file == far_recording("s3://kept/deep/a.mcap").input_file
+    assert bag == far_recording("s3://kept/deep/bag/")
     s3.pipe_file("kept/deep/a.mcap", b"A.mcap")
     s3.pipe_file("kept/deep/bag/bag_0.db3", b"BAG_0.db3")
     assert first.input_file.identity != far_recording("s3://kept/deep/a.mcap").input_file.identity

@@ -13,7 +13,7 @@ from mapgraft.commands.progress import counting
 from mapgraft.console import cell, print_json, remarks, results
 from mapgraft.corpus.dataset import Dataset
 from mapgraft.corpus.document import read_plan
-from mapgraft.corpus.executors import executor_of
+from mapgraft.corpus.executors import ends_calls, executor_of
 from mapgraft.corpus.places import whole
 from mapgraft.corpus.plan import Job
 from mapgraft.corpus.running import Report, run_corpus, those_there
@@ -47,6 +47,9 @@ def corpus_and_show(asked: Asked, *, dry_run: bool, quiet: bool, as_json: bool) 
         executor_of(asked.executor, asked.workers) as executor,
         counting("looking for what is there", "jobs", quiet=quiet or as_json) as progress,
     ):
+        if any(job.time_limit_s is not None for job in jobs) and not ends_calls(executor):
+            said = f"job_time_limit_s does not hold: --executor {asked.executor} cannot end a job, processes can"
+            remarks().print(cell(said), style="yellow")
         report = run_corpus(jobs, dataset, executor, retries=asked.retries, without=asked.without, progress=progress)
     if as_json:
         print_json(_as_json(report, dataset))

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import os
 import pickle
 import queue
 import threading
 from collections.abc import Callable
-from concurrent.futures import Executor, Future
+from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import suppress
-from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnProcess
+from itertools import count
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
-from mapgraft.processes import GONE, ended, started, uninterrupted
+from mapgraft.corpus.member import Member
+from mapgraft.processes import uninterrupted
 
 P = ParamSpec("P")
 T = TypeVar("T")
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
+_PAUSES_S = (0.1, 1.0, 5.0, 15.0, 30.0)  # between tries to start a process where the machine refuses one
 
 
-class WorkerDiedError(Exception):
-    """The process that did this has ended by itself, or was ended: by a crash, or for want of memory."""
+class BrokenCrewError(BrokenExecutor):
+    """No process is left, and the machine lets none be started."""
 
 
 class Crew(Executor):
@@ -29,108 +28,175 @@ class Crew(Executor):
 
     Each call is run in the main thread of a process, where a plugin's time can be limited. Each process computes with
     one thread, for there is a process per processor. ``shutdown(cancel_futures=True)`` ends calls under way, too.
+    Where no process can be started any more, what is left ends with BrokenCrewError. Raises OSError when not all of
+    the ``workers`` can be started.
     """
 
     def __init__(self, workers: int) -> None:
         self._calls: queue.SimpleQueue[_Call | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
-        self._crew: dict[Connection, SpawnProcess] = {}
-        self._open = True
-        with uninterrupted():
-            for _ in range(workers):
-                self._hire()
-        self._threads = [threading.Thread(target=self._lead, args=(one,), daemon=True) for one in list(self._crew)]
-        for thread in self._threads:
-            thread.start()
+        self._members: set[Member] = set()
+        self._leaders = workers  # threads that hand out calls
+        self._closed, self._abandoned = threading.Event(), threading.Event()  # no more calls; nor those under way
+        self._threads: list[threading.Thread] = []
+        self._refused = ""  # why no process could be started
+        try:
+            with uninterrupted():
+                members = [self._hired() for _ in range(workers)]
+            for member in members:
+                thread = threading.Thread(target=self._lead, args=(member,), daemon=True)
+                thread.start()
+                self._threads.append(thread)
+        except BaseException:
+            self.shutdown(cancel_futures=True)
+            raise
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         """See ``Executor.submit``; the function and what it takes and gives must be such that they can be pickled."""
-        future: Future[T] = Future()
-        with self._lock:
-            if not self._open:
-                raise RuntimeError("cannot schedule new futures after shutdown")
-            self._calls.put(_Call(future, fn, args, kwargs))
-        return future
+        return self._taken(_Call(Future(), None, (fn, args, kwargs)))
+
+    def submit_within(self, limit_s: float, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """As ``submit``, but a call that takes longer than ``limit_s`` is ended, and its future has TimeLimitError."""
+        return self._taken(_Call(Future(), limit_s, (fn, args, kwargs)))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """See ``Executor.shutdown``; the processes have ended when it returns."""
+        """See ``Executor.shutdown``; the processes have ended when it returns, unless it is not to ``wait``."""
         with self._lock:
-            self._open = False
+            self._closed.set()
         if cancel_futures:
-            with suppress(queue.Empty):
-                while True:
-                    if (call := self._calls.get_nowait()) is not None:
-                        call.future.cancel()
+            for call in self._queued():
+                call.future.cancel()
+            with self._lock:
+                self._abandoned.set()
+                for member in self._members:
+                    member.abandon()
         for _ in self._threads:
             self._calls.put(None)
-        if cancel_futures:
-            for process in list(self._crew.values()):
-                process.terminate()
         if wait or cancel_futures:
             for thread in self._threads:
                 thread.join()
-            with uninterrupted(), self._lock:
-                ended(self._crew.items())
-                self._crew.clear()
+            with uninterrupted():
+                for member in list(self._members):  # those that never got a thread
+                    self._dismiss(member)
 
-    def _hire(self) -> Connection:
-        connection, process = started(_work)
-        self._crew[connection] = process
-        return connection
+    def _taken(self, call: _Call) -> Future[Any]:
+        with self._lock:
+            if self._closed.is_set():
+                raise RuntimeError("cannot schedule new futures after shutdown")
+            if not self._leaders:
+                raise BrokenCrewError(self._broken())
+            self._calls.put(call)
+        return call.future
 
-    def _lead(self, connection: Connection) -> None:
-        """Hand one process its calls, one after another, and another one when it has died."""
-        while (call := self._calls.get()) is not None:
-            if not call.future.set_running_or_notify_cancel():
-                continue
+    def _lead(self, member: Member | None) -> None:
+        """Hand one process its calls, one after another, and another one when it has died.
+
+        A thread without a process takes no call, and the last one leaves none without an outcome, however it ends.
+        """
+        try:
+            while member is not None and (call := self._calls.get()) is not None:
+                if not _begun(call.future):
+                    continue
+                outcome = _outcome(member, call)
+                _settle(call.future, outcome)
+                if not outcome.usable:
+                    member = self._replacement(member)
+        finally:
+            self._leave()
+            if member is not None:
+                self._dismiss(member)
+
+    def _leave(self) -> None:
+        """One thread less; where it was the last, the calls that are left will not be done."""
+        with self._lock:
+            self._leaders -= 1
+            left = [] if self._leaders else self._queued()
+        for call in left:
+            _settle(call.future, _Outcome(False, BrokenCrewError(self._broken())))
+
+    def _replacement(self, member: Member) -> Member | None:
+        """A process in the place of one that is of no more use; None when nobody needs it, or none can be started.
+
+        As long as others of the crew have work, a machine that refuses is asked again.
+        """
+        self._dismiss(member)
+        for tried in count(1):
+            with self._lock:
+                others = bool(self._members)
+            if self._abandoned.is_set() or (others and self._closed.is_set()):
+                break
             try:
-                connection.send_bytes(pickle.dumps(call[1:]))
-                good, result = pickle.loads(connection.recv_bytes())
-            except GONE:
-                replaced = self._replaced(connection)
-                call.future.set_exception(WorkerDiedError("its process has ended, perhaps for want of memory"))
-                if replaced is None:
-                    return
-                connection = replaced
-            except Exception as error:  # it could not be pickled
-                call.future.set_exception(error)
-            else:
-                (call.future.set_result if good else call.future.set_exception)(result)
+                with uninterrupted():
+                    return self._hired()
+            except OSError as error:
+                self._refused = error.strerror or str(error)
+            if tried > len(_PAUSES_S) and not others:
+                break
+            (self._closed if others else self._abandoned).wait(_PAUSES_S[min(tried, len(_PAUSES_S)) - 1])
+        return None
 
-    def _replaced(self, connection: Connection) -> Connection | None:
-        """A new process in the place of one that has died; None when no more calls are taken."""
-        with uninterrupted(), self._lock:
-            ended([(connection, self._crew.pop(connection))])
-            return self._hire() if self._open else None
+    def _hired(self) -> Member:
+        member = Member.hired()
+        with self._lock:
+            self._members.add(member)
+            if self._abandoned.is_set():
+                member.abandon()
+        return member
+
+    def _dismiss(self, member: Member) -> None:
+        with self._lock:
+            self._members.discard(member)
+        member.dismiss()
+
+    def _queued(self) -> list[_Call]:
+        """All calls that nobody has taken yet, which are taken out."""
+        found = list[_Call]()
+        with suppress(queue.Empty):
+            while True:
+                if (call := self._calls.get_nowait()) is not None:
+                    found.append(call)
+        return found
+
+    def _broken(self) -> str:
+        return "no process is left to work" + (f", and none can be started: {self._refused}" if self._refused else "")
 
 
 class _Call(NamedTuple):
     future: Future[Any]
-    function: Callable[..., Any]
-    args: tuple[Any, ...]
-    kwargs: dict[str, Any]
+    limit_s: float | None
+    what: tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
 
 
-def _work(connection: Connection) -> None:
-    """What one process does: call what it is sent, and send back what came of it."""
-    for name in _THREADS:
-        os.environ.setdefault(name, "1")  # read by libraries when they are loaded, which is below
-    with suppress(*GONE):
-        while True:
-            call = connection.recv_bytes()
-            try:
-                function, args, kwargs = pickle.loads(call)
-                made = pickle.dumps((True, function(*args, **kwargs)))
-            except Exception as error:
-                made = _packed(error)
-            connection.send_bytes(made)
+class _Outcome(NamedTuple):
+    """The result of a call, or the error where it is not ``good``, and whether its process can do another one."""
+
+    good: bool
+    result: Any
+    usable: bool = True
 
 
-def _packed(error: Exception) -> bytes:
-    """An error as it can travel: as itself, or as what it says where its kind does not let itself be pickled."""
+def _begun(future: Future[Any]) -> bool:
+    """Whether a call is to be done now: not where it was cancelled, or settled by somebody else."""
+    return (future.cancelled() or not future.done()) and future.set_running_or_notify_cancel()
+
+
+def _outcome(member: Member, call: _Call) -> _Outcome:
+    """Have a call done. Whatever goes wrong on the way is its outcome: the thread is needed for the next one."""
     try:
-        packed = pickle.dumps((False, error))
-        pickle.loads(packed)
-    except Exception:
-        packed = pickle.dumps((False, RuntimeError(f"{type(error).__name__}: {error}")))
-    return packed
+        packed = pickle.dumps(call.what)
+    except BaseException as error:
+        return _Outcome(False, error)
+    try:
+        answer = member.call(packed, call.limit_s)
+    except BaseException as error:
+        return _Outcome(False, error, usable=False)
+    try:
+        good, result = pickle.loads(answer)
+    except BaseException as error:
+        return _Outcome(False, error)
+    return _Outcome(good, result)
+
+
+def _settle(future: Future[Any], outcome: _Outcome) -> None:
+    with suppress(BaseException):  # somebody else has settled it, or one of those who wait for it raises
+        (future.set_result if outcome.good else future.set_exception)(outcome.result)

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from glob import glob
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import Field, ValidationError, model_validator
 
 from mapgraft.config import Section, path_of, read_mapping, text_of
+from mapgraft.corpus.faults import Faults
+from mapgraft.corpus.patterns import matching, recordings_of
 from mapgraft.corpus.places import is_url, local, name_of, whole
 from mapgraft.corpus.plan import Content, Job, Mission, Setting, jobs_of, named
-from mapgraft.corpus.recordings import recordings_in
-from mapgraft.corpus.stores import asking, filesystem_of
-from mapgraft.errors import ConfigError, RecordingError
+from mapgraft.errors import ConfigError
 from mapgraft.plugins import Plugins
 from mapgraft.recording.naming import stem
 
 DOCUMENTS = (".yaml", ".yml", ".toml")
 DEFAULT = "default"  # the name of the configuration where none is given
-_PATTERN = "*?["
 
 
 class MissionEntry(Section):
@@ -45,24 +43,30 @@ class MissionEntry(Section):
 
 
 class CorpusDocument(Section):
-    """A corpus: every mission is run with every one of ``configs`` (a file or its content, by name)."""
+    """A corpus: every mission is run with every one of ``configs`` (a file or its content, by name).
+
+    A job that takes longer than ``job_time_limit_s`` is ended, where it runs in a process that can be ended.
+    """
 
     missions: list[MissionEntry] = Field(min_length=1)
     configs: dict[str, dict[str, Any] | str] = Field(default_factory=dict)
+    job_time_limit_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
 
 
 def read_plan(source: str, configs: Sequence[str] = (), plugins: Plugins | None = None) -> list[Job]:
     """The jobs of a corpus: ``source`` is the document that describes it, or a folder of recordings, here or elsewhere.
 
     ``configs`` are files with configurations, called by their stems, where the document has none. ``plugins`` tell of
-    further kinds of recordings. Raises ConfigError with every fault of the document at once, RecordingError where a
-    folder or a pattern holds nothing.
+    further kinds of recordings. Raises ConfigError with every fault of the document at once, and where it has none,
+    with every fault of all that it names; RecordingError where nothing is wrong but that folders or patterns hold
+    nothing.
     """
-    given = [Setting(stem(Path(file)), _content(file, "")) for file in configs]
     suffixes = [end for offered in (plugins or Plugins()).of_kind("reader") for end in offered.descriptor.accepts]
+    faults = Faults()
+    given = [_setting(stem(Path(file)), file, "", faults) for file in configs]
     if is_url(source) or local(source).is_dir():
-        missions = [Mission("", (place,), {}) for place in _found(whole(source), suffixes)]
-        return jobs_of(named(missions), _settings(given))
+        missions = _missions(MissionEntry(each=[source]), "", suffixes, faults)
+        return _jobs(missions, given, None, faults)
     if not name_of(source).endswith(DOCUMENTS):
         raise ConfigError(f"{source} is neither a folder of recordings nor a document ({', '.join(DOCUMENTS)})")
     path = local(source)
@@ -70,16 +74,34 @@ def read_plan(source: str, configs: Sequence[str] = (), plugins: Plugins | None 
     if given and document.configs:
         raise ConfigError(f"{source} has configs of its own: leave --config out, or take them out of the document")
     folder = str(path.parent)
-    told = [Setting(name, _content(content, folder)) for name, content in document.configs.items()]
-    missions = [mission for entry in document.missions for mission in _missions(entry, folder, suffixes)]
-    return jobs_of(named(missions), _settings(told or given))
+    told = [_setting(name, content, folder, faults) for name, content in document.configs.items()]
+    missions = [one for entry in document.missions for one in _missions(entry, folder, suffixes, faults)]
+    return _jobs(missions, told or given, document.job_time_limit_s, faults)
 
 
-def _settings(settings: Sequence[Setting]) -> Sequence[Setting]:
+def _setting(name: str, given: Mapping[str, Any] | str, folder: str, faults: Faults) -> Setting:
+    """A configuration by name; an empty one in the place of one that cannot be read."""
+    content: Content = {}
+    with faults.noted():
+        content = _content(given, folder)
+    return Setting(name, content)
+
+
+def _jobs(
+    missions: Sequence[Mission], settings: Sequence[Setting], time_limit_s: float | None, faults: Faults
+) -> list[Job]:
+    """The jobs, where nothing is wrong with what they are made of; raises all that is."""
+    jobs = list[Job]()
     names = [setting.name for setting in settings]
-    if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise ConfigError(f"two configurations are called {', '.join(twice)}: rename a file, or write a document")
-    return settings or [Setting(DEFAULT, {})]
+    with faults.noted():
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ConfigError(f"two configurations are called {', '.join(twice)}: rename a file, or write a document")
+    with faults.noted():
+        missions = named(missions)
+    with faults.noted():
+        jobs = jobs_of(missions, settings or [Setting(DEFAULT, {})], time_limit_s)
+    faults.tell()
+    return jobs
 
 
 def _checked(given: Mapping[str, Any], origin: str) -> CorpusDocument:
@@ -90,42 +112,17 @@ def _checked(given: Mapping[str, Any], origin: str) -> CorpusDocument:
         raise ConfigError(f"{origin} has {len(faults)} fault{'s' * (len(faults) > 1)}:\n" + "\n".join(faults)) from None
 
 
-def _missions(entry: MissionEntry, folder: str, suffixes: Sequence[str]) -> list[Mission]:
-    content = _content(entry.config, folder)
-    if entry.files:
-        files = [file for given in entry.files for file in _matching(whole(given, folder))]
-        return [Mission(entry.name or "", tuple(dict.fromkeys(files)), content)]
+def _missions(entry: MissionEntry, folder: str, suffixes: Sequence[str], faults: Faults) -> list[Mission]:
+    content = _setting("", entry.config, folder, faults).content
     each = [entry.each] if isinstance(entry.each, str) else entry.each
-    found = [place for given in each for place in _found(whole(given, folder), suffixes)]
-    return [Mission("", (place,), content) for place in dict.fromkeys(found)]
-
-
-def _found(place: str, suffixes: Sequence[str]) -> list[str]:
-    """The recordings of a folder or a pattern, each of which is a mission; raises RecordingError when there is none."""
-    if any(sign in name_of(place) for sign in _PATTERN):
-        return _matching(place)
-    if not is_url(place) and not local(place).is_dir():
-        return [place]
-    if not (found := recordings_in(place, suffixes)):
-        raise RecordingError(f"{place} holds no recording: MCAP, ROS 1 bags, ROS 2 bags and CARMEN logs are looked for")
-    return found
-
-
-def _matching(place: str) -> list[str]:
-    """The places that a pattern means, sorted; a place that is no pattern, itself."""
-    if not any(sign in place for sign in _PATTERN):
-        return [place]
-    if is_url(place):
-        filesystem, pattern = filesystem_of(place)
-        with asking(f"{place} cannot be listed", RecordingError):
-            filesystem.invalidate_cache()
-            scheme = place.partition("://")[0]
-            found = sorted(f"{scheme}://{str(name).lstrip('/')}" for name in filesystem.glob(pattern))
-    else:
-        found = sorted(glob(place, recursive=True))  # noqa: PTH207 (absolute patterns)
-    if not found:
-        raise RecordingError(f"{place} matches nothing")
-    return found
+    found = list[str]()
+    for given in entry.files or each:
+        with faults.noted():
+            found += matching(given, folder) if entry.files else recordings_of(given, folder, suffixes)
+    places = tuple(dict.fromkeys(found))
+    if entry.files:
+        return [Mission(entry.name or "", places, content)] if places else []
+    return [Mission("", (place,), content) for place in places]
 
 
 def _content(given: Mapping[str, Any] | str, folder: str) -> Content:
@@ -143,6 +140,8 @@ def _anchored(content: Content, folder: str) -> Content:
         out["rules"] = whole(rules, folder)
     if isinstance(robots := out.get("robots"), Mapping):
         out["robots"] = {name: _anchored_robot(robot, folder) for name, robot in robots.items()}
+    if isinstance(examples := out.get("examples"), Mapping) and isinstance(truth := examples.get("truth"), str):
+        out["examples"] = {**examples, "truth": whole(truth, folder)}
     return out
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from mapgraft.corpus.places import is_url, stand_in
 from mapgraft.corpus.plan import Job
-from mapgraft.corpus.recordings import FarRecording, far_recording, near_file
+from mapgraft.corpus.recordings import FarRecording, Looks, far_recording, looks_of, near_file
 from mapgraft.errors import RecordingError
 from mapgraft.job import input_file
 from mapgraft.outputs.provenance import InputFile
@@ -75,13 +75,17 @@ def _sweep(folder: Path) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """A job's files as paths of this machine, its configuration with these paths, and what is known of both."""
+    """A job's files as paths of this machine, its configuration with these paths, and what is known of both.
+
+    ``near`` tells how those of a disk looked before anything of them was read.
+    """
 
     paths: tuple[Path, ...]
     content: Mapping[str, Any]
     known: Mapping[Path, InputFile]
     octets: Mapping[Path, RangedOctets] = field(default_factory=dict)
     far: tuple[FarRecording, ...] = ()
+    near: Mapping[Path, Looks] = field(default_factory=dict)
 
     @property
     def stand_ins(self) -> StandIns:
@@ -94,10 +98,14 @@ class Inputs:
         return sum(octets.fetched_bytes for octets in self.octets.values()) + sum(whole.values())
 
     def require_read(self) -> None:
-        """Raises RecordingError when what was read of files elsewhere is of no use.
+        """Raises RecordingError when what was read is of no use.
 
-        That is when a file was replaced meanwhile, or could once not be read, even where the rest made a mission.
+        That is when a file was replaced or written to meanwhile, or could once not be read, even where the rest made a
+        mission.
         """
+        for path, looks in self.near.items():
+            if looks_of(path) != looks:
+                raise RecordingError(f"{path} was changed while it was read") from OSError("it has changed")
         for octets in self.octets.values():
             if octets.broken:
                 raise RecordingError(octets.broken) from OSError("it may be readable the next time")
@@ -129,18 +137,20 @@ def fetched_inputs(job: Job, root: Path, digests: Digests) -> Inputs:
 
     Raises RecordingError for what cannot be had.
     """
-    far = {place: far_recording(place) for place in places_of(job) if is_url(place)}
+    far = {place: far_recording(place) for place in _read_by(job) if is_url(place)}
+    near = {Path(place): looks_of(Path(place)) for place in places_of(job) if not is_url(place)}
     octets, known = dict[Path, RangedOctets](), dict[Path, InputFile]()
     for url, recording in far.items():
         path = stand_in(root, url)
         known[path] = recording.input_file
         if (ranged := _fetched(recording, path)) is not None:
             octets[path] = ranged
-    for place in places_of(job):
-        if not is_url(place) and (told := near_file(Path(place))) is not None:
-            digest = _digest_of(told, digests) or input_file(Path(place)).sha256
-            known[Path(place)] = replace(told, sha256=digest)
-    return Inputs(_paths(job, root), _content(job, root), known, octets, tuple(far.values()))
+    for path in near:
+        if (told := near_file(path)) is not None:
+            known[path] = replace(told, sha256=_digest_of(told, digests) or input_file(path).sha256)
+        elif path.is_dir():
+            known[path] = input_file(path)
+    return Inputs(_paths(job, root), _content(job, root), known, octets, tuple(far.values()), near)
 
 
 def _paths(job: Job, root: Path) -> tuple[Path, ...]:
@@ -149,7 +159,7 @@ def _paths(job: Job, root: Path) -> tuple[Path, ...]:
 
 def _content(job: Job, root: Path) -> dict[str, Any]:
     """The configuration with paths instead of URLs; the decision table that it named lies in ``root``."""
-    content = pointed(job.content, {url: str(stand_in(root, url)) for url in places_of(job) if is_url(url)})
+    content = pointed(job.content, {url: str(stand_in(root, url)) for url in _read_by(job) if is_url(url)})
     if job.rules_text:
         rules = root / f"{hashlib.sha256(job.rules_text.encode()).hexdigest()}.yaml"
         rules.write_text(job.rules_text, encoding="utf-8")
@@ -162,7 +172,7 @@ def _digest_of(told: InputFile, digests: Digests) -> str | None:
 
 
 def places_of(job: Job) -> list[str]:
-    """Everything that a job reads by name, each once: recordings, and what its configuration adds."""
+    """Everything that makes a job's run what it is, each once: recordings, and what its configuration adds."""
     places = list(job.files)
     for robot in (job.content.get("robots") or {}).values():
         places += [file for file in robot.get("files") or () if is_url(file) or Path(file).is_absolute()]
@@ -171,11 +181,19 @@ def places_of(job: Job) -> list[str]:
     return list(dict.fromkeys(places))
 
 
+def _read_by(job: Job) -> list[str]:
+    """Everything that a job reads by name: also the file of what persons say, which makes no other run."""
+    truth = (job.content.get("examples") or {}).get("truth")
+    return [*places_of(job), *([truth] if isinstance(truth, str) else [])]
+
+
 def pointed(content: Mapping[str, Any], paths: Mapping[str, str]) -> dict[str, Any]:
     """A configuration in which URLs of files have given way to paths."""
     out = dict(content)
     if robots := content.get("robots"):
         out["robots"] = {name: _pointed_robot(robot, paths) for name, robot in robots.items()}
+    if (examples := content.get("examples")) and isinstance(truth := examples.get("truth"), str):
+        out["examples"] = {**examples, "truth": paths.get(truth, truth)}
     return out
 
 

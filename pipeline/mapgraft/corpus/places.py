@@ -28,10 +28,12 @@ def local(place: str) -> Path:
 def whole(place: str, folder: str = "") -> str:
     """A name that means the same from everywhere: an absolute path, or a URL. ``folder`` is what it may be relative to.
 
-    ``..`` and links stay as they are, because robots are called after the files as they were given.
+    A slash at the end says nothing and is left out. ``..`` and links stay as they are, because robots are called after
+    the files as they were given.
     """
     if is_url(place):
-        return place
+        scheme, _, rest = place.partition("://")
+        return f"{scheme}://{rest.rstrip('/')}"
     if folder and not place.startswith(LOCAL) and not Path(place).is_absolute():
         return below(folder, place) if is_url(folder) else str(Path(folder).absolute() / place)
     return str(local(place))

@@ -11,8 +11,9 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from mapgraft.config import parse_config
-from mapgraft.corpus.places import is_url, stand_in
-from mapgraft.decision import parse_rules
+from mapgraft.corpus.faults import Faults, combination
+from mapgraft.corpus.places import is_url, name_of, stand_in
+from mapgraft.decision import check_rules, parse_rules
 from mapgraft.documents import read_text
 from mapgraft.errors import ConfigError, DecisionTableError
 from mapgraft.recording.naming import told_apart
@@ -42,7 +43,8 @@ class Job:
     """One mission with one configuration: everything that a worker on another machine has to know.
 
     ``config_text`` is JSON, ``rules_text`` the decision table of a file that the configuration names, else empty. Jobs
-    of equal files, configuration and rules have equal ids.
+    of equal files, configuration and rules have equal ids. Where the executor can end a call, a job is ended that takes
+    longer than ``time_limit_s``.
     """
 
     mission: str
@@ -50,6 +52,7 @@ class Job:
     files: tuple[str, ...]
     config_text: str
     rules_text: str = ""
+    time_limit_s: float | None = None
 
     @property
     def id(self) -> str:
@@ -66,26 +69,37 @@ class Job:
         return content
 
 
-def jobs_of(missions: Sequence[Mission], settings: Sequence[Setting]) -> list[Job]:
+def jobs_of(missions: Sequence[Mission], settings: Sequence[Setting], time_limit_s: float | None = None) -> list[Job]:
     """Every mission with every configuration, a mission's jobs behind each other; what is the same comes once.
 
-    Raises ConfigError when a configuration, with what a mission lays over it, does not fit: before anything is run.
+    Raises ConfigError or DecisionTableError where configurations, with what missions lay over them, do not fit: with
+    the faults of all, before anything is run.
     """
-    jobs: dict[str, Job] = {}
+    jobs, faults = dict[str, Job](), Faults()
     for mission in missions:
+        name = mission.name or name_of(mission.files[0])
         for setting in settings:
-            content = laid_over(setting.content, mission.content)
-            parse_config(content, origin=f"the configuration {setting.name} of the mission {mission.name}")
-            rules_text = _without_rules(content)
-            text = json.dumps(content, sort_keys=True)
-            job = Job(mission.name, setting.name, mission.files, text, rules_text)
-            jobs.setdefault(job.id, job)
+            content, rules_text = laid_over(setting.content, mission.content), ""
+            with faults.noted_of(setting.name, name):
+                parse_config(content, origin=combination(setting.name, name))
+            with faults.noted_of(setting.name, name):
+                rules_text = _without_rules(content)
+            if not faults.found:
+                text = json.dumps(content, sort_keys=True)
+                job = Job(mission.name, setting.name, mission.files, text, rules_text, time_limit_s)
+                jobs.setdefault(job.id, job)
+    faults.tell()
     return list(jobs.values())
 
 
 def _without_rules(content: dict[str, Any]) -> str:
-    """The text of the decision table that a configuration names by its path, which is taken out of it."""
+    """The text of the decision table that a configuration names by its path, which is taken out of it.
+
+    Raises DecisionTableError where that, or one in the configuration itself, does not fit.
+    """
     rules = content.get("rules")
+    if isinstance(rules, list) and all(isinstance(rule, Mapping) for rule in rules):
+        check_rules(rules, "in it")
     if not isinstance(rules, str):
         return ""
     del content["rules"]

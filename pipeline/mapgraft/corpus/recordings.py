@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from mapgraft.corpus.places import is_url, local
+from mapgraft.corpus.places import below, is_url, local, whole
 from mapgraft.corpus.stores import asking, filesystem_of
 from mapgraft.errors import RecordingError
 from mapgraft.outputs.provenance import InputFile
@@ -18,6 +18,10 @@ SUFFIXES = (".mcap", ".bag", ".log", ".clf", ".gfs", ".log.gz", ".clf.gz", ".gfs
 OWN = ".merge.mcap"  # what a run has written is no recording of a corpus
 _ETAGS = ("ETag", "etag", "md5Hash", "content_md5")  # as the libraries of the stores call it
 _BAG = "metadata.yaml"  # tells that a folder is a ROS 2 bag
+_BAG_KEY, _HEAD_BYTES = b"rosbag2_bagfile_information", 1024  # what such a file begins with
+_OF_READERS = "-shm"  # beside an SQLite database: made and removed by whoever reads it
+Looks = tuple[tuple[str, int, int], ...]
+"""Paths, sizes (bytes) and times of last writing (ns): as long as they stay, files are taken for unchanged."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +76,7 @@ def far_recording(url: str) -> FarRecording:
     Raises RecordingError when it is not there, when the store does not answer, or when it does not tell a version of
     the contents: nobody could know them again then.
     """
+    url = whole(url)
     filesystem, path = filesystem_of(url)
     with asking(f"{url} cannot be read", RecordingError):
         filesystem.invalidate_cache()
@@ -83,7 +88,7 @@ def far_recording(url: str) -> FarRecording:
     if not found:
         raise RecordingError(f"{url} is an empty folder: name a file")
     files = [_far_file(url + str(name).removeprefix(path), filesystem, told) for name, told in sorted(found.items())]
-    if files[0].url != url and f"{url.rstrip('/')}/{_BAG}" not in [file.url for file in files]:
+    if files[0].url != url and f"{url}/{_BAG}" not in [file.url for file in files]:
         raise RecordingError(f"{url} is a folder without {_BAG}, which is no ROS 2 bag: name a file")
     return FarRecording(url, tuple(files))
 
@@ -106,15 +111,24 @@ def near_file(path: Path) -> InputFile | None:
     return InputFile(str(path), "", told.st_size, modified_ns=told.st_mtime_ns) if path.is_file() else None
 
 
-def recordings_in(folder: str, suffixes: Sequence[str] = ()) -> list[str]:
+def looks_of(path: Path) -> Looks:
+    """What a disk says of a file, or of all files in a folder; nothing where there is none."""
+    files = sorted(path.rglob("*")) if path.is_dir() else [path]
+    told = [near_file(file) for file in files if not file.name.endswith(_OF_READERS)]
+    return tuple((file.path, file.size_bytes, file.modified_ns or 0) for file in told if file is not None)
+
+
+def recordings_in(place: str, suffixes: Sequence[str] = ()) -> list[str]:
     """All recordings in a folder and below, of this machine or elsewhere, sorted.
 
     They are files, told by their suffixes, and the folders of ROS 2 bags. ``suffixes`` are those of plugins' readers.
-    Names with a dot in front are left out, and what a run has written. Raises RecordingError when the folder cannot be
-    listed.
+    Names with a dot in front are left out, and what a run has written. The folder of a ROS 2 bag is that recording, and
+    so is a file elsewhere. Raises RecordingError when the folder cannot be listed.
     """
-    names, at = _far_names(folder) if is_url(folder) else _near_names(local(folder))
+    names, at = _far_names(place) if is_url(place) else _near_names(local(place))
     bags = {str(PurePosixPath(name).parent) for name in names if PurePosixPath(name).name == _BAG}
+    if names == [""] or ("." in bags and _is_bag(place)):
+        return [whole(place)]
     bags = {
         bag for bag in bags if bag != "." and any(_in(name, bag) and name.endswith((".mcap", ".db3")) for name in names)
     }
@@ -125,6 +139,19 @@ def recordings_in(folder: str, suffixes: Sequence[str] = ()) -> list[str]:
         if name.lower().endswith(fitting) and not name.endswith(OWN) and not any(_in(name, bag) for bag in bags)
     ]
     return [at(name) for name in sorted([*single, *bags])]
+
+
+def _is_bag(folder: str) -> bool:
+    """Whether a folder with ``metadata.yaml`` is a ROS 2 bag, and not one of recordings with some file of that name."""
+    place = below(folder, _BAG)
+    with asking(f"{place} cannot be read", RecordingError):
+        if is_url(place):
+            filesystem, path = filesystem_of(place)
+            head = bytes(filesystem.cat_file(path, start=0, end=_HEAD_BYTES))
+        else:
+            with local(place).open("rb") as stream:
+                head = stream.read(_HEAD_BYTES)
+    return _BAG_KEY in head
 
 
 def _in(name: str, folder: str) -> bool:

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import queue
 from collections.abc import Sequence
-from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from mapgraft.config import parse_config
 from mapgraft.corpus.dataset import Dataset
+from mapgraft.corpus.executors import ends_calls
 from mapgraft.corpus.fetching import Digests, named_inputs, places_of, scratch
+from mapgraft.corpus.member import TimeLimitError
 from mapgraft.corpus.places import is_url
 from mapgraft.corpus.plan import Job
 from mapgraft.corpus.recordings import FarRecording, far_recording
 from mapgraft.corpus.working import Outcome, Task, failure_row, identity, work
-from mapgraft.errors import MapgraftError
+from mapgraft.errors import MapgraftError, OutputError
 from mapgraft.plugins import load_plugins
 
 RETRIES = 2
@@ -65,11 +67,16 @@ def run_corpus(
 
     ``executor`` is any of ``concurrent.futures``, whose workers can write the ``dataset`` (a path or URL). A job that
     fails for a reason that may pass is tried again, at most ``retries`` times, behind all others; one that fails for
-    good gets a row in ``failures``. ``without`` names plugins to leave out. Raises OutputError when the data set cannot
-    be read or written, and lets KeyboardInterrupt pass: what is done is there, and the same call goes on from it.
+    good gets a row in ``failures``. The time limit of a job holds where ``ends_calls`` says so. ``without`` names
+    plugins to leave out. Raises OutputError when the data set cannot be read or written, or when the executor is broken
+    (BrokenExecutor), and lets KeyboardInterrupt pass: what is done is there, and the same call goes on from it.
     """
     course = _Course(Dataset(dataset), executor, retries, tuple(without), progress, len(jobs))
-    course.begin(jobs)
+    try:
+        course.begin(jobs)
+    except BrokenExecutor as error:
+        why = str(error).rstrip(".") or "the executor is broken"
+        raise OutputError(f"{why}: what is done is in the data set, and the same command goes on from there") from error
     return course.report
 
 
@@ -114,7 +121,11 @@ class _Course:
             self._hear(*self._next())
 
     def _submit(self, task: Task) -> None:
-        future = self._executor.submit(work, task)
+        limit_s, executor = task.job.time_limit_s, self._executor
+        if limit_s is not None and ends_calls(executor):
+            future = executor.submit_within(limit_s, work, task)
+        else:
+            future = executor.submit(work, task)
         self._under_way += 1
         future.add_done_callback(lambda ended: self._ended.put((task, ended)))
 
@@ -165,9 +176,18 @@ class _Course:
 
 
 def _outcome(task: Task, future: Future[Outcome]) -> Outcome:
-    """What a worker said; a failure, where it did not come to say anything."""
+    """What a worker said; a failure, where it did not come to say anything.
+
+    What took too long once is not tried again: it would most likely take its time again. Raises BrokenExecutor: no job
+    is to blame for that.
+    """
     try:
         return future.result()
+    except BrokenExecutor:
+        raise
+    except TimeLimitError as error:
+        reason = f"{error}, as job_time_limit_s says: give more where such missions need it"
+        return Outcome(task.job.id, "failed", "", error.limit_s, error=type(error).__name__, reason=reason)
     except CancelledError:
         return Outcome(task.job.id, "failed", error="CancelledError", reason="it was cancelled", again=True)
     except Exception as error:

@@ -102,7 +102,11 @@ def _worked(task: Task, folder: Path, told: _Sentences) -> tuple[str, Literal["d
         kept.append(RunParts(folder / "parts", told_id, provenance, config.output.examples))
         return kept[-1]
 
-    result = run(inputs.paths, config, opened, plugins=plugins, stand_ins=inputs.stand_ins)
+    try:
+        result = run(inputs.paths, config, opened, plugins=plugins, stand_ins=inputs.stand_ins)
+    except Exception:
+        inputs.require_read()  # where a file was no longer the same, or not there for a moment, that is to blame
+        raise
     inputs.require_read()
     dataset.append(run_id, kept[0].parts, _run_row(task.job, result, told), folder)
     return run_id, "done", inputs.fetched_bytes
