@@ -14,10 +14,17 @@ from mapgraft.outputs.staging import JOURNAL, settle, writing
 
 LOCK = ".mapgraft.lock"
 RUN, EXPERIMENT, CORPUS, DATASET = "summary.json", "experiment.json", "corpus.json", "dataset.json"
+CALIBRATION = "calibration.json"
 """Who finds one of them finds everything that goes with it."""
 
 _OPENED = os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK  # no link is followed, no pipe waited for
-_HOLDS = {RUN: "a run", EXPERIMENT: "an experiment", CORPUS: "a corpus", DATASET: "a dataset"}
+_HOLDS = {
+    RUN: "a run",
+    EXPERIMENT: "an experiment",
+    CORPUS: "a corpus",
+    DATASET: "a dataset",
+    CALIBRATION: "a calibration",
+}
 
 
 def require_kind(out: Path, kind: str) -> None:
