@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import socket
 import urllib.request
@@ -13,6 +14,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mapgraft.annotate.app import application
+from mapgraft.annotate.desk import Desk
+from mapgraft.annotate.opened import open_folders
 from mapgraft.annotate.security import BODY_BYTES, HEADERS, Doors, new_token
 from mapgraft.annotate.serving import doors_of, is_local, listen
 from mapgraft.outputs.label_parts import LabelParts
@@ -224,6 +228,45 @@ def test_requests_have_a_size(serve: Callable, out: Path):
     assert client.get("", cookie="annotator=" + "a" * 20_000).status in (400, 431)
     assert words(out) == 0
     assert client.post("label/0", {**ANSWER, "reason": "\N{PILE OF POO}" * 2_000}).status == 200
+
+
+@pytest.mark.parametrize("coding", ["chunked", "Chunked", "identity", "gzip, chunked"])
+@pytest.mark.parametrize("asked", ["POST /{}/label/0", "POST /{}/undo", "POST /{}/skip/0", "GET /{}/"])
+def test_a_length_that_another_header_overrules_is_refused(client: Any, sixty: Path, asked: str, coding: str):
+    """Of the two, ``Transfer-Encoding`` counts: what comes may have any length."""
+    target = asked.format(client.token)
+    lines = [f"{target} HTTP/1.1", f"Host: 127.0.0.1:{client.port}", f"Origin: {client.origin}", "HX-Request: true"]
+    lines += ["Content-Type: application/x-www-form-urlencoded", "Cookie: annotator=anna", "Content-Length: 20"]
+    lines += [f"Transfer-Encoding: {coding}", "", ""]
+    with socket.create_connection(("127.0.0.1", client.port), 30) as raw:
+        raw.sendall("\r\n".join(lines).encode() + b"b\r\nlabel=right\r\n")
+        status = int(raw.makefile("rb").readline().split()[1])
+    assert status == (413 if coding.lower() == "chunked" else 400)
+    assert words(sixty) == 0
+
+
+def test_no_more_of_an_answer_is_taken_than_it_may_have(sixty: Path):
+    """Whatever length was said, and whoever passes it on."""
+    token = new_token()
+    app = application(Desk(open_folders([sixty])), token, Doors(frozenset({"localhost"}), 80), "anna")
+    headers = {"host": "localhost", "origin": "http://localhost", "hx-request": "true", "content-length": "20"}
+    headers["content-type"] = "application/x-www-form-urlencoded"
+    path = f"/{token}/label/0"
+    scope = {"type": "http", "method": "POST", "path": path, "raw_path": path.encode(), "query_string": b""}
+    scope |= {"headers": [(name.encode(), value.encode()) for name, value in headers.items()]}
+    taken, sent = list[int](), list[Any]()
+
+    async def receive() -> dict[str, Any]:
+        taken.append(1_000)
+        return {"type": "http.request", "body": b"a" * 1_000, "more_body": True}
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    asyncio.run(app(scope, receive, send))
+    assert sent[0]["status"] == 413
+    assert BODY_BYTES < sum(taken) <= BODY_BYTES + 1_000
+    assert words(sixty) == 0
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import struct
 import zlib
 from collections.abc import Callable
@@ -17,7 +18,9 @@ from toy_examples import RUN
 from mapgraft.annotate.desk import Answer, Desk
 from mapgraft.annotate.opened import MOST_EXAMPLES, checked_picture, open_folders
 from mapgraft.errors import MapError, OutputError, UsageError
+from mapgraft.outputs.label_parts import MANY
 from mapgraft.outputs.labels import label
+from mapgraft.outputs.staging import JOURNAL, SUFFIX
 
 SCRIPTS = (
     "<script>alert(1)</script>",
@@ -126,9 +129,31 @@ def test_labels_that_lead_elsewhere_are_not_followed(out: Path, tmp_path: Path, 
     elsewhere.mkdir()
     (out / name).parent.mkdir(exist_ok=True)
     (out / name).symlink_to(elsewhere, target_is_directory=True)
-    with pytest.raises(OutputError, match="leads out of the folder"):
+    with pytest.raises(OutputError, match="is a link, which may lead out of"):
         Desk(open_folders([out])).say(0, "anna", Answer("right"))
     assert not list(elsewhere.iterdir())
+
+
+@pytest.mark.parametrize("journal", ["link", "run", "nonsense"])
+def test_opening_a_folder_carries_out_no_journal_but_of_words(out: Path, tmp_path: Path, journal: str):
+    """Whoever made the folder has left a journal, and so many words that they are put together at the start."""
+    home, run = tmp_path / "home", out / "labels" / f"run_id={RUN}"
+    home.mkdir()
+    run.mkdir(parents=True)
+    for name in ("key", "rc"):
+        (home / name).write_text("mine")
+    for number in range(MANY):
+        label(out, RUN, merge_id=f"alpha.beta.{number}", receiver="alpha", donor="beta", verdict="right")
+    (out / "h").symlink_to(home)
+    (out / f"payload{SUFFIX}").write_text("theirs")
+    told = {"link": {"renamed": {f"payload{SUFFIX}": "h/rc"}, "gone": ["h/key"]}, "nonsense": "[" * 100_000}
+    told["run"] = {"renamed": {f"payload{SUFFIX}": "payload"}, "gone": ["examples/part.parquet"]}
+    (out / JOURNAL).write_text(json.dumps(told[journal]))
+    desk = Desk(open_folders([out]))
+    open_folders([out]).tidy()
+    desk.say(0, "anna", Answer("right"))
+    assert (out / JOURNAL).exists() and (out / f"payload{SUFFIX}").exists() and len(list(run.iterdir())) == MANY + 1
+    assert {path.name: path.read_text() for path in home.iterdir()} == {"key": "mine", "rc": "mine"}
 
 
 def test_what_cannot_be_written_is_said_and_not_counted(serve: Callable, out: Path):

@@ -12,6 +12,8 @@ import pytest
 
 from mapgraft.calibrate import Labelled
 from mapgraft.cli import invoke
+from mapgraft.errors import OutputError
+from mapgraft.outputs.lock import LOCK, RUN, locked, require_kind
 
 Make = Callable[..., list[Labelled]]
 WriteFolder = Callable[..., Path]
@@ -51,7 +53,7 @@ def test_it_writes_rules_json_and_a_page_the_same_each_time(
     assert "accept above" in told
     assert "for other buildings on an assumption" in told
     names = ("calibration.json", "report.html", "rules.yaml")
-    assert sorted(path.name for path in (tmp_path / "one").iterdir()) == list(names)
+    assert sorted(path.name for path in (tmp_path / "one").iterdir() if path.name != LOCK) == list(names)
     for name in names:
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
     content = json.loads((tmp_path / "one" / "calibration.json").read_text("utf-8"))
@@ -122,6 +124,37 @@ def test_what_does_not_fit_is_told_in_one_sentence(
     assert said in told
     assert told.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "held"),
+    [("summary.json", "a run"), ("dataset.json", "a dataset"), ("corpus.json", "a corpus"), ("experiment.json", "an")],
+)
+def test_a_folder_that_holds_something_else_is_not_written_to(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, held: str
+) -> None:
+    """A run has a ``report.html``, too; and examples are calibrated where they lie by a slip of the keyboard."""
+    for out in (folder, tmp_path / "other"):
+        out.mkdir(exist_ok=True)
+        for file in (name, "report.html"):
+            (out / file).write_text("{}")
+        assert invoke(["calibrate", str(folder), "-o", str(out)]) == 1
+        assert f"{out} holds {held}" in (told := capsys.readouterr().err) and "choose another folder" in told
+        assert (out / "report.html").read_text() == "{}" and not (out / "rules.yaml").exists()
+
+
+def test_a_calibration_may_be_written_anew_but_nothing_else_over_it(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    for rate in ("0.02", "0.05"):
+        assert invoke(["calibrate", str(folder), "-o", str(out), "--false-accept", rate]) == 0
+        assert json.loads((out / "calibration.json").read_text("utf-8"))["asked"]["false_accept"] == float(rate)
+    with pytest.raises(OutputError, match="holds a calibration: choose another folder"):
+        require_kind(out, RUN)
+    with locked(out):
+        assert invoke(["calibrate", str(folder), "-o", str(out)]) == 1
+    assert "is being written by another run" in capsys.readouterr().err
 
 
 def test_rules_for_collecting_are_written_and_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

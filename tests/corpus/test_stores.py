@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from mapgraft.corpus.dataset import Dataset
 from mapgraft.corpus.fetching import scratch
 from mapgraft.corpus.patterns import matching, recordings_of
 from mapgraft.corpus.recordings import far_recording, recordings_in
@@ -68,6 +70,41 @@ def test_what_killed_processes_left_is_swept_and_nothing_else(tmp_path: Path) ->
     (aside / "new").write_bytes(b"half")
     store.tidy()
     assert [path.name for path in aside.iterdir()] == ["new"]
+
+
+@pytest.mark.parametrize("link", [UNFINISHED, "runs", "runs/run_id=a", "runs/run_id=a/part.parquet"])
+@pytest.mark.parametrize("to", ["", "not there"])
+def test_through_links_of_a_data_set_nothing_is_written_or_removed(
+    tmp_path: Path, file: Callable[[bytes], Path], link: str, to: str
+) -> None:
+    home, root = tmp_path / "home", tmp_path / "data"
+    home.mkdir()
+    (home / "part.parquet").write_bytes(b"mine")
+    os.utime(home / "part.parquet", (0, 0))
+    (root / link).parent.mkdir(parents=True)
+    (root / link).symlink_to(home / to)
+    store = FolderStore(root)
+    for act in (
+        store.tidy,
+        lambda: store.put(file(b"new"), "runs/run_id=a/part.parquet"),
+        lambda: store.remove("runs/run_id=a/part.parquet"),
+        Dataset(str(root)).prepare,
+    ):
+        with suppress(OutputError):
+            act()
+    assert [(path.name, path.read_bytes()) for path in home.iterdir()] == [("part.parquet", b"mine")]
+
+
+@pytest.mark.parametrize("name", [UNFINISHED, "runs", "failures", "labels", "events"])
+def test_a_data_set_with_a_table_elsewhere_is_refused_before_anything_is_done(tmp_path: Path, name: str) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / name).symlink_to(tmp_path)
+    with pytest.raises(OutputError, match=f"{name} is a link, which may lead out of"):
+        Dataset(str(tmp_path / "data")).prepare()
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "here").symlink_to(tmp_path / "disk")
+    Dataset(str(tmp_path / "here")).prepare()  # the folder itself may be on another disk
+    assert (tmp_path / "disk" / "corpus.json").is_file()
 
 
 def test_scratch_of_the_dead_is_swept_and_that_of_the_living_stays(

@@ -10,6 +10,8 @@ import textwrap
 import time
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -220,6 +222,71 @@ def test_what_is_no_dataset_is_not_written_over(toys, tmp_path):
     (tmp_path / "odd/dataset.json").write_text("[]")
     with pytest.raises(OutputError, match="is not what a dataset has there"):
         publish([toys], tmp_path / "odd")
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        *({"name": name} for name in ("../victim", "../../victim", "/victim", "victim", "README.md", 7, None)),
+        *(
+            {"name": f"examples/split=train/{name}"}
+            for name in ("../victim", "part-1/../../victim", "x.parquet", "part-\0")
+        ),
+        *({"name": "examples/split=test/part-1.parquet"}, {"split": "..", "name": "examples/split=../part-1.parquet"}),
+        *({"run_id": "../victim"}, {"run_id": 7}, {"run_id": []}, {"rows": "many"}, {"split": None}),
+    ],
+)
+def test_a_dataset_names_no_files_but_its_parts(toys, tmp_path, told):
+    """Where a run comes again its parts go: whoever made the dataset must not say which files these are."""
+    data = tmp_path / "sub" / "data"
+    publish([toys], data, AT)
+    for victim in (tmp_path / "victim", tmp_path / "sub/victim", data / "victim", data / "examples/victim"):
+        victim.write_text("mine")
+    document = json.loads((data / "dataset.json").read_text())
+    document["parts"].append(
+        {"name": "examples/split=train/part-1.parquet", "run_id": RUN, "split": "train", "rows": 1}
+    )
+    document["parts"][-1] |= told
+    (data / "dataset.json").write_text(json.dumps(document))
+    before = contents(tmp_path)
+    with pytest.raises(OutputError, match="is not what a dataset has there"):
+        publish([data], data)
+    assert contents(tmp_path) == before
+
+
+def test_a_dataset_knows_no_splits_but_three(toys, tmp_path):
+    publish([toys], tmp_path / "data", AT)
+    document = json.loads((tmp_path / "data/dataset.json").read_text())
+    document["environments"]["intel"] = "../.."
+    (tmp_path / "data/dataset.json").write_text(json.dumps(document))
+    with pytest.raises(OutputError, match="is not what a dataset has there"):
+        publish([toys], tmp_path / "data")
+
+
+@pytest.mark.parametrize("name", ["examples", "examples/split=train"])
+def test_parts_behind_a_link_stay(toys, tmp_path, name):
+    publish([toys], tmp_path / "data", AT)
+    (tmp_path / "data" / name).rename(tmp_path / "mine")
+    (tmp_path / "data" / name).symlink_to(tmp_path / "mine")
+    before = contents(tmp_path / "mine")
+    with pytest.raises(OutputError, match="is a link, which may lead out of"):
+        publish([tmp_path / "data"], tmp_path / "data", {"aces": "test"})
+    assert contents(tmp_path / "mine") == before
+
+
+@pytest.mark.parametrize("run_id", ["../../x", "a/../../../../x", "a/b", "", ".."])
+def test_examples_of_a_run_whose_name_leads_elsewhere_are_refused(toys, tmp_path, run_id):
+    """A dataset tells the run in a column, which becomes a part of names."""
+    (part,) = (toys / "examples").glob("**/part-*.parquet")
+    rows = pq.ParquetFile(part).read().slice(0, 3)
+    (tmp_path / "made/examples/split=train").mkdir(parents=True)
+    named = rows.append_column("run_id", pa.array([run_id] * 3))
+    pq.write_table(named, tmp_path / "made/examples/split=train/part-0.parquet")
+    with pytest.raises(UsageError, match="but a run's id is a letter and then"):
+        publish([tmp_path / "made"], tmp_path / "sub/data")
+    with pytest.raises(OutputError, match="which no run is"):
+        label(tmp_path / "made", run_id, merge_id="alpha.beta.1", receiver="alpha", donor="beta", verdict="right")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["made"]
 
 
 @pytest.mark.parametrize("split", [{"aces": "dev"}, {"": "test"}, {"aces+mit": "test"}])

@@ -210,3 +210,12 @@ def test_real_bags_keep_every_message(tmp_path: Path, shared_data: Path, name: s
     assert poses_before == poses_after
     rows = read_by_rosbags(out)
     assert len(rows) == sum(channel.count or 0 for channel in old.channels)
+
+
+def test_a_link_in_the_place_of_the_unfinished_file_is_not_written_through(tmp_path: Path, log: Path) -> None:
+    (tmp_path / "mine").write_text("mine")
+    (tmp_path / ".out.mcap.partial").symlink_to(tmp_path / "mine")
+    convert([log], tmp_path / "out.mcap")
+    assert (tmp_path / "mine").read_text() == "mine"
+    assert (tmp_path / "out.mcap").stat().st_size and not (tmp_path / "out.mcap").is_symlink()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["kitchen.log", "mine", "out.mcap"]

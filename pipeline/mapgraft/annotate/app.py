@@ -15,7 +15,7 @@ from starlette.exceptions import HTTPException as HTTPError
 
 from mapgraft.annotate.desk import Answer, Desk, checked_name
 from mapgraft.annotate.pages import fragment, prepare_pages, static_files
-from mapgraft.annotate.security import BODY_BYTES, App, Doors, Guard
+from mapgraft.annotate.security import BODY_BYTES, LONG, App, Doors, Guard
 from mapgraft.annotate.shown import Which
 from mapgraft.errors import MapgraftError
 
@@ -158,11 +158,15 @@ def _annotator(default: str | None) -> Any:
 
 async def _form(request: Request) -> dict[str, str]:
     """The fields of a form, as browsers send it where it holds no file."""
-    body = await request.body()  # no longer than what its length says, which was looked at
+    body = bytearray()
+    async for piece in request.stream():
+        body += piece
+        if len(body) > BODY_BYTES:  # whatever its length was said to be
+            raise HTTPException(413, LONG)
     if request.headers.get("content-type", "").partition(";")[0].strip() != "application/x-www-form-urlencoded":
         raise HTTPException(415, "an answer is a plain form")
     try:
-        pairs = parse_qsl(body[:BODY_BYTES].decode(), True, True, errors="strict", max_num_fields=FIELDS)
+        pairs = parse_qsl(body.decode(), True, True, errors="strict", max_num_fields=FIELDS)
     except ValueError:
         raise HTTPException(422, "the form cannot be read") from None
     return dict(pairs)

@@ -18,7 +18,7 @@ from mapgraft.annotate.shown import Outcome, Place, Shown, Which
 from mapgraft.annotate.telling import OUTCOME, SHOWN, outcome_of, shown_of
 from mapgraft.annotate.uncertainty import COLUMNS, uncertainty
 from mapgraft.contracts import Transform
-from mapgraft.errors import MapError, MapgraftError, OutputError, TransformError, UsageError
+from mapgraft.errors import MapError, MapgraftError, TransformError, UsageError
 from mapgraft.examples import ExampleFolder, ExampleKey, Word, published_words, put_at, transform_of
 from mapgraft.examples.reading import EXAMPLES
 from mapgraft.outputs.label_parts import gather
@@ -131,7 +131,6 @@ class Opened:
         """Write a word down, beside the example; it is on disk when this returns. Raises OutputError."""
         key, T = self.keys[n], self.judged(n)
         out, row = self._folder(n).path, self._row(n)
-        _require_within(out, key.run_id)
         label(
             out,
             key.run_id,
@@ -221,14 +220,6 @@ def checked_picture(data: bytes | None) -> bytes:
     if len(data) > PICTURE_BYTES or max(width, height) > PICTURE_PX:
         raise MapError(f"the example's picture is too large: {width} × {height} pixels, {len(data)} bytes")
     return data
-
-
-def _require_within(out: Path, run_id: str) -> None:
-    """Raises OutputError where the labels of a run would not lie in the folder that was opened."""
-    folder = out / "labels" / f"run_id={run_id}"
-    for path in (folder, folder.parent):
-        if path.is_symlink():
-            raise OutputError(f"{path} leads out of the folder that was opened: put a folder in its place")
 
 
 def matrices(column: pa.ChunkedArray) -> NDArray[np.float64]:

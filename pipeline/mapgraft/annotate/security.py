@@ -19,6 +19,7 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 TOKEN_BYTES: Final = 32
 BODY_BYTES: Final = 32_768  # a form with the longest reason, escaped, has less
+LONG: Final = f"an answer has at most {BODY_BYTES} bytes, and tells beforehand how many"
 TARGET_BYTES: Final = 1_024  # path and query; a name of 64 characters, escaped, is the longest that is asked for
 HEADER_BYTES: Final = 16_384
 READING, WRITING = "GET", "POST"
@@ -111,6 +112,8 @@ class Guard:
             return 403, "another page may not ask this server"
         if not (scope["path"].startswith("/static/") or self._holds_token(scope["path"])):
             return 404, "there is nothing here: open the whole address that mapgraft annotate printed"
+        if headers.one("transfer-encoding") is not None:  # it would go before the length
+            return 413, LONG
         if scope["method"] == READING:
             return None
         if scope["method"] != WRITING:
@@ -119,7 +122,7 @@ class Guard:
             return 403, "an answer must come from the page itself"
         length = headers.one("content-length")
         if length is None or not length.isdecimal() or int(length) > BODY_BYTES:
-            return 413, f"an answer has at most {BODY_BYTES} bytes, and tells beforehand how many"
+            return 413, LONG
         return None
 
     def _holds_token(self, path: str) -> bool:

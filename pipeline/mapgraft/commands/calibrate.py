@@ -26,10 +26,11 @@ from mapgraft.decision import Rule, build_table
 from mapgraft.errors import UsageError
 from mapgraft.evaluation.tables import wide
 from mapgraft.job import as_config
-from mapgraft.outputs.staging import writing
+from mapgraft.outputs.lock import CALIBRATION, locked, require_kind
+from mapgraft.outputs.staging import Staging, writing
 from mapgraft.plugins import load_plugins
 
-RULES, DOCUMENT, PAGE = "rules.yaml", "calibration.json", "report.html"
+RULES, DOCUMENT, PAGE = "rules.yaml", CALIBRATION, "report.html"
 _SAID: Final[Mapping[str, str]] = {
     "guaranteed": "the bound holds for further buildings, too",
     "not refuted": "for other buildings on an assumption",
@@ -69,7 +70,11 @@ def calibrate_and_show(
     as_json: bool,
     without: Sequence[str],
 ) -> None:
-    """Calibrate, write the decision table, the JSON and the page, and print what came of it."""
+    """Calibrate, write the decision table, the JSON and the page, and print what came of it.
+
+    Raises UsageError where what is asked for does not fit, OutputError where the folder holds something else, such as
+    a run, or cannot be written.
+    """
     checked = as_config(config)
     table = [record.rule for record in build_table(load_plugins(without), rules or checked.rules).records]
     if collecting is not None:
@@ -77,15 +82,19 @@ def calibrate_and_show(
         return
     if not datasets or out is None:
         raise UsageError("name labelled examples and a folder to write to: mapgraft calibrate DATASET… -o OUT")
+    with writing(out):
+        require_kind(out, CALIBRATION)
     asked = options.over(checked)
     tell_unread([*datasets, *meant])
     labels = read_labels(datasets, without=without_building, held_back=held_back)
     used_on = read_labels(meant, held_back=True) if meant else None
     calibration = calibrate(labels, table, asked, used_on)
     content = document(calibration)
-    _write(out, RULES, rules_text(calibration))
-    _write(out, DOCUMENT, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-    _write(out, PAGE, page_of(calibration))
+    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    texts = {RULES: rules_text(calibration), DOCUMENT: text, PAGE: page_of(calibration)}
+    with locked(out):
+        require_kind(out, CALIBRATION)  # somebody may have been quicker
+        _write(out, texts)
     if as_json:
         print_json(content)
         return
@@ -97,16 +106,17 @@ def calibrate_and_show(
 def _collect(path: Path, rules: Sequence[Rule], datasets: Sequence[Path]) -> None:
     if datasets:
         raise UsageError("--collecting writes the rules to collect examples by: it goes without examples")
-    _write(path.parent, path.name, collecting_text(rules))
+    _write(path.parent, {path.name: collecting_text(rules)})
     results().print(cell(f"{path}: evaluate recordings with --rules {path} --examples FOLDER, then calibrate FOLDER"))
 
 
-def _write(folder: Path, name: str, text: str) -> None:
+def _write(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write files of these names, all of them or none; of several ones the caller holds the folder's lock."""
     with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        partial = folder / f"{name}.partial"
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(folder / name)
+        staging = Staging(folder)
+        for name, text in texts.items():
+            staging.write(name, text.encode())
+        staging.publish()
 
 
 def show(calibration: Calibration, out: Path) -> None:

@@ -11,6 +11,7 @@ from mapgraft.corpus.fetching import Digests, scratch
 from mapgraft.corpus.places import local
 from mapgraft.corpus.stores import FolderStore, Store, asking, open_store
 from mapgraft.errors import OutputError
+from mapgraft.outputs.fence import folder_in
 from mapgraft.outputs.lock import CORPUS, require_kind
 from mapgraft.outputs.parquet_log import WRITTEN
 from mapgraft.outputs.staging import writing
@@ -109,10 +110,14 @@ class Dataset:
     def prepare(self) -> None:
         """Make it a data set if it is none yet, and take away what processes that were killed have left half-written.
 
-        Raises OutputError where there is something else, or a data set of a version that is not known here.
+        Raises OutputError where there is something else, a data set of a version that is not known here, or one of
+        which a table is a link.
         """
         if isinstance(self._store, FolderStore):
-            require_kind(local(self.url), CORPUS)
+            root = local(self.url)
+            require_kind(root, CORPUS)
+            for table in (*TABLES, RUNS, FAILURES):
+                folder_in(root, table)
             self._store.tidy()
         if (told := self._store.read(CORPUS)) is None:
             with scratch() as folder:

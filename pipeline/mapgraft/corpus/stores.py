@@ -13,7 +13,8 @@ from uuid import uuid4
 
 from mapgraft.corpus.places import is_url, local
 from mapgraft.errors import MapgraftError, OutputError, UsageError
-from mapgraft.outputs.staging import sync, sync_folder, writing
+from mapgraft.outputs.fence import file_in, folder_in
+from mapgraft.outputs.staging import new_file, sync, sync_folder, writing
 
 UNFINISHED = ".unfinished"
 """The folder of a data set on a disk in which files are written before they get their names."""
@@ -91,7 +92,7 @@ def asking(what: str, error: type[MapgraftError] = OutputError) -> Iterator[None
 
 
 class FolderStore:
-    """A folder on a disk. Files are written aside, synced, and renamed."""
+    """A folder on a disk. Files are written aside, synced, and renamed; through links below it nothing is written."""
 
     def __init__(self, root: Path) -> None:
         self._root = root
@@ -113,12 +114,12 @@ class FolderStore:
             return (self._root / name).read_bytes() if self.has(name) else None
 
     def put(self, file: Path, name: str) -> None:
-        aside, place = self._root / UNFINISHED / uuid4().hex, self._root / name
         with writing(self._root):
+            aside, place = file_in(self._root, f"{UNFINISHED}/{uuid4().hex}"), file_in(self._root, name)
             aside.parent.mkdir(parents=True, exist_ok=True)
             place.parent.mkdir(parents=True, exist_ok=True)
             try:
-                with aside.open("wb") as stream, file.open("rb") as source:
+                with new_file(aside) as stream, file.open("rb") as source:
                     shutil.copyfileobj(source, stream, 1 << 20)
                     sync(stream)
                 os.replace(aside, place)  # noqa: PTH105 (says what it does: atomic)
@@ -129,8 +130,8 @@ class FolderStore:
                 sync_folder(folder)
 
     def remove(self, name: str) -> None:
-        place = self._root / name
         with writing(self._root):
+            place = file_in(self._root, name)
             place.unlink(missing_ok=True)
         with suppress(OSError):  # somebody has put something else there meanwhile
             place.parent.rmdir()
@@ -141,9 +142,12 @@ class FolderStore:
         return LocalFileSystem(), str(self._root)
 
     def tidy(self) -> None:
-        """Take away what processes that were killed have left half-written."""
+        """Take away what processes that were killed have left half-written.
+
+        Raises OutputError where that lies behind a link.
+        """
         with suppress(OSError):
-            for path in (self._root / UNFINISHED).iterdir():
+            for path in folder_in(self._root, UNFINISHED).iterdir():
                 if time.time() - path.stat().st_mtime > _A_DAY_S:
                     path.unlink(missing_ok=True)
 

@@ -6,8 +6,9 @@ What was published stays, and other runs come in beside it; a run that comes aga
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
@@ -21,6 +22,7 @@ from mapgraft.examples.splits import SPLITS, split_by_name, split_of
 from mapgraft.outputs.files import json_bytes
 from mapgraft.outputs.lock import DATASET, locked, require_kind
 from mapgraft.outputs.parquet_log import PartWriter
+from mapgraft.outputs.provenance import is_run_id
 from mapgraft.outputs.staging import Staging, writing
 from mapgraft.outputs.tables import array_of
 from mapgraft_schemas import arrow_schema, table
@@ -28,6 +30,7 @@ from mapgraft_schemas import arrow_schema, table
 FORMAT: Final = "mapgraft dataset 1"
 _NAME: Final = "dataset"
 _DIGITS: Final = 32  # of a part's name: many runs have parts side by side
+_PART: Final = re.compile(rf"{EXAMPLES}/split=(\w+)/part-[\w-]+\.parquet", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,13 +67,14 @@ def publish(
     """Write the examples of folders of runs and evaluations, with what persons say of them, to a dataset.
 
     ``splits`` puts environments elsewhere than their names would, from now on; ``licence`` goes into the card. The same
-    examples and labels give the same bytes. Raises UsageError where a folder has no examples, OutputError when the
-    dataset cannot be written; then it is as it was.
+    examples and labels give the same bytes. Raises UsageError where a folder has no examples, or some of a run with a
+    name that no run has, OutputError when the dataset cannot be written; then it is as it was.
     """
     for environment, split in (splits or {}).items():
         if split not in SPLITS or not environment or "+" in environment:
             raise UsageError(f"--split wants one ENVIRONMENT={'|'.join(SPLITS)}, found {environment}={split}")
     sources = [ExampleFolder(out) for out in outs]
+    _require_run_ids(sources)
     with locked(dataset), writing(dataset):
         before = published_before(dataset)
         publication = _Publication(dataset, sources, before, {**before.environments, **(splits or {})})
@@ -91,10 +95,35 @@ def published_before(dataset: Path) -> Published:
         return Published()
     try:
         told = json.loads(path.read_text(encoding="utf-8"))
-        parts = tuple(Part(**part) for part in told["parts"])
-        return Published(parts, dict(told["environments"]), dict(told["left_out"]), told["licence"])
-    except (ValueError, KeyError, TypeError) as error:
+        parts = tuple(_part(Part(**part)) for part in told["parts"])
+        environments = dict(told["environments"])
+        if not {*environments.values()} <= {*SPLITS}:
+            raise ValueError("an environment is in a split that there is not")
+        return Published(parts, environments, dict(told["left_out"]), told["licence"])
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise OutputError(f"{path} is not what a dataset has there: choose another folder") from error
+
+
+def _part(told: Part) -> Part:
+    """A part as a dataset tells of it; raises ValueError or TypeError where none is published under that name.
+
+    What is told of is read, and goes when its run comes again: whoever made the dataset must not name other files.
+    """
+    found = _PART.fullmatch(told.name)
+    if found is None or found[1] != told.split or told.split not in SPLITS or not is_run_id(told.run_id):
+        raise ValueError(f"{told.name!r} is no part of a dataset")
+    return replace(told, rows=int(told.rows))
+
+
+def _require_run_ids(sources: Iterable[ExampleFolder]) -> None:
+    """A dataset may tell runs in a column, and a run's id goes into names of files."""
+    for source in sources:
+        for run_id in {key.run_id for key in source.keys}:
+            if not is_run_id(run_id or ""):
+                raise UsageError(
+                    f"{source.path} has examples of a run that is called {run_id!r}, but a run's id is a letter and "
+                    "then letters, digits, '_' and '-': make the examples again"
+                )
 
 
 @dataclass(slots=True)

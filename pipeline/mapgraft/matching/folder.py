@@ -13,6 +13,7 @@ from mapgraft.matching.judging import Judged
 from mapgraft.matching.overlay import paint, png
 from mapgraft.matching.pairing import Hypothesis, Pairing
 from mapgraft.matching.placing import placed_sketch, sketch
+from mapgraft.outputs.fence import lies_in
 from mapgraft.outputs.files import json_bytes
 from mapgraft.outputs.findings import FINDINGS, findings_csv
 from mapgraft.outputs.lock import locked
@@ -34,11 +35,11 @@ def write_folder(out: Path, pairing: Pairing, workshop: Workshop) -> list[str]:
     with workshop.guard.calling("map type", pairing.a.map_type.name):
         files = _files(pairing, workshop)
     with locked(out), writing(out):
-        earlier, staging = _listed(out / DOCUMENT), Staging(out)
+        earlier, staging = _listed(out), Staging(out)
         for name, content in files.items():
             staging.write(name, content)
         staging.write(DOCUMENT, json_bytes({**document(pairing), "files": [*files, DOCUMENT]}))  # the last one renamed
-        return staging.publish(gone=[name for name in earlier if name not in staging.names])
+        return staging.publish(gone=earlier)
 
 
 def write_judged(out: Path, judged: Sequence[Judged], workshop: Workshop) -> list[str]:
@@ -89,10 +90,10 @@ def _checked(files: Mapping[str, bytes]) -> Mapping[str, bytes]:
     return files
 
 
-def _listed(path: Path) -> list[str]:
+def _listed(out: Path) -> list[str]:
     """The files that an earlier match in the folder lists."""
     try:
-        listed = json.loads(path.read_text(encoding="utf-8"))["files"]
-        return [name for name in listed if isinstance(name, str) and "/" not in name and name not in ("", ".", "..")]
-    except (OSError, ValueError, KeyError, TypeError):
+        listed = json.loads((out / DOCUMENT).read_text(encoding="utf-8"))["files"]
+        return [name for name in listed if lies_in(out, name) and "/" not in name]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return []

@@ -14,6 +14,7 @@ from mapgraft.errors import OutputError
 from mapgraft.outputs.lock import locked
 from mapgraft.outputs.parquet_log import replace_parts
 from mapgraft.outputs.provenance import is_run_id
+from mapgraft.outputs.staging import begun, writing
 from mapgraft_schemas import arrow_schema
 
 NAME: Final = "labels"
@@ -77,12 +78,16 @@ def gather(out: Path, run_id: str, at_least: int = MANY) -> bool:
 
     The rows stay as they are, and nobody who adds words waits. Who lists the parts meanwhile may find rows twice, or a
     part gone that was listed: then they are listed again. Parts that this version cannot read whole stay. Nothing is
-    done while another process writes the folder, or where it cannot be written.
+    done while another process writes the folder, or where it cannot be written. What another process had begun to
+    publish when it was killed is carried out if it is of words only; all else waits for those who write it.
     """
     folder = out / NAME / f"run_id={run_id}"
     if not folder.is_dir() or len(_parts(folder)) < at_least:
         return False
     try:
+        with writing(out):
+            if not all(name.startswith(f"{NAME}/") for name in begun(out)):
+                return False
         with locked(out):
             known = {path: rows for path in _parts(folder) if (rows := _whole(path)) is not None}
             if len(known) < at_least:

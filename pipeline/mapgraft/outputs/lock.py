@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,9 +14,17 @@ from mapgraft.outputs.staging import JOURNAL, settle, writing
 
 LOCK = ".mapgraft.lock"
 RUN, EXPERIMENT, CORPUS, DATASET = "summary.json", "experiment.json", "corpus.json", "dataset.json"
+CALIBRATION = "calibration.json"
 """Who finds one of them finds everything that goes with it."""
 
-_HOLDS = {RUN: "a run", EXPERIMENT: "an experiment", CORPUS: "a corpus", DATASET: "a dataset"}
+_OPENED = os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK  # no link is followed, no pipe waited for
+_HOLDS = {
+    RUN: "a run",
+    EXPERIMENT: "an experiment",
+    CORPUS: "a corpus",
+    DATASET: "a dataset",
+    CALIBRATION: "a calibration",
+}
 
 
 def require_kind(out: Path, kind: str) -> None:
@@ -35,11 +44,11 @@ class FolderLock:
     def take(self) -> None:
         """What a killed process had begun to publish is published first.
 
-        Raises OutputError when somebody else holds the lock, OSError when the folder cannot be written; then, and when
-        anything else comes through, nothing is held.
+        Raises OutputError when somebody else holds the lock, or when what was begun leads out of the folder, OSError
+        when the folder cannot be written; then, and when anything else comes through, nothing is held.
         """
         try:
-            self._held = (self._out / LOCK).open("ab")
+            self._held = os.fdopen(os.open(self._out / LOCK, _OPENED, 0o666), "ab")
             fcntl.flock(self._held.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
             settle(self._out)
         except BlockingIOError:

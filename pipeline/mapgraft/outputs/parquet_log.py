@@ -12,9 +12,11 @@ from uuid import uuid4
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from mapgraft.errors import OutputError
 from mapgraft.events import Event, Snapshot
 from mapgraft.outputs.claims import claim, clear
-from mapgraft.outputs.provenance import InputFile
+from mapgraft.outputs.fence import file_in
+from mapgraft.outputs.provenance import InputFile, is_run_id
 from mapgraft.outputs.staging import SUFFIX, Staging, close_quietly, sha256_of, sync, writing
 from mapgraft.outputs.tables import Row, events_table, metrics_table, recordings_table, rows_table, snapshot_row
 from mapgraft_schemas import Column, arrow_schema, table
@@ -204,6 +206,10 @@ def replace_parts(out: Path, name: str, run_id: str, rows: pa.Table, gone: Seque
 
     Where parts go the caller must hold the lock of the folder.
     """
+    if not is_run_id(run_id):
+        raise OutputError(
+            f"{out} has a run that is called {run_id!r}, which no run is: nothing can be written beside it"
+        )
     keys = [(column, "ascending") for column in table(name).sorted_by]
     fitting = rows.cast(arrow_schema(name)).sort_by(keys)
     with writing(out):
@@ -214,8 +220,12 @@ def replace_parts(out: Path, name: str, run_id: str, rows: pa.Table, gone: Seque
 
 
 def rests_of(out: Path, name: str, run_id: str = "*") -> list[Path]:
-    """Unfinished parts that people's writers have in a table, whether these are alive or not."""
-    return sorted((out / name).glob(f"run_id={run_id}/{UNTITLED.replace('.parquet', '-*.parquet')}{SUFFIX}"))
+    """Unfinished parts that people's writers have in a table, whether these are alive or not.
+
+    Raises OutputError where a link on the way may lead out of the folder.
+    """
+    found = sorted(out.glob(f"{name}/run_id={run_id}/{UNTITLED.replace('.parquet', '-*.parquet')}{SUFFIX}"))
+    return [file_in(out, path.relative_to(out).as_posix()) for path in found]
 
 
 def _written(staging: Staging, name: str, run_id: str, rows: pa.Table, gone: Sequence[str]) -> str | None:

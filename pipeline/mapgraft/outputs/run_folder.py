@@ -17,6 +17,7 @@ from mapgraft.events import Event, Snapshot
 from mapgraft.guard import Guard
 from mapgraft.network.radio import Traffic
 from mapgraft.outputs.asking import Asking
+from mapgraft.outputs.fence import lies_in
 from mapgraft.outputs.files import Tally, Trajectories, connected, json_bytes, map_files, transforms_csv
 from mapgraft.outputs.findings import FINDINGS, LatestFindings
 from mapgraft.outputs.lock import RUN, FolderLock, require_kind
@@ -357,7 +358,7 @@ class RunFolder:
     def _leftovers(self) -> list[str]:
         """What an earlier writing of this folder had and this one has not, so that nobody takes it for today's."""
         new = self._staging.names
-        earlier = [name for name in _files_of(self._out / SUMMARY) if name.startswith(_OURS) and "/run_id=" not in name]
+        earlier = [name for name in _files_of(self._out) if name.startswith(_OURS) and "/run_id=" not in name]
         gone = [REPORT, *(name for name in earlier if name not in new)]  # the page tells of what is replaced now
         for table in WRITTEN:
             gone += other_parts(self._out, table, self._run_id, new)
@@ -383,10 +384,10 @@ class RunFolder:
             self._held.pop()
 
 
-def _files_of(summary: Path) -> list[str]:
+def _files_of(out: Path) -> list[str]:
     """The files that the summary of an earlier run lists; none when there is no summary that can be read."""
     try:
-        listed = json.loads(summary.read_text(encoding="utf-8"))["files"]
-        return [name for name in listed if isinstance(name, str) and ".." not in name]
-    except (OSError, ValueError, KeyError, TypeError):
+        listed = json.loads((out / SUMMARY).read_text(encoding="utf-8"))["files"]
+        return [name for name in listed if lies_in(out, name)]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return []

@@ -2,7 +2,7 @@
 
 Files are written under ``.partial`` names and synced. What is to be renamed and removed is then put down in a journal,
 which appears at once; from that moment on the new files count. Whoever is killed while renaming leaves the journal, and
-the next one who writes the folder carries it out.
+the next one who writes the folder carries it out. All of it stays in the folder (``fence``), whoever wrote the journal.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
 from mapgraft.errors import OutputError
+from mapgraft.outputs.fence import file_in, is_name
 
 SUFFIX = ".partial"
 JOURNAL = ".mapgraft.publishing"
@@ -37,7 +38,7 @@ def writing(out: Path) -> Iterator[None]:
 class Staging:
     """The files of one run in one folder: written under ``.partial`` names, renamed together when all are whole.
 
-    Methods raise OSError; put them inside ``writing``.
+    Methods raise OSError; put them inside ``writing``. They raise OutputError where a name or a link leads elsewhere.
     """
 
     def __init__(self, out: Path) -> None:
@@ -46,10 +47,10 @@ class Staging:
 
     def create(self, name: str) -> BinaryIO:
         """A new file, opened for writing, that will be called ``name`` (relative, with '/')."""
-        path = self.partial(name)
+        path = file_in(self._out, name + SUFFIX)
         path.parent.mkdir(parents=True, exist_ok=True)
         self._final[name] = name
-        return path.open("wb")
+        return new_file(path)
 
     def write(self, name: str, data: bytes) -> None:
         """A whole file at once, on disk when this returns."""
@@ -80,11 +81,13 @@ class Staging:
     def publish(self, gone: Iterable[str] = ()) -> list[str]:
         """Rename all files to their final names and remove ``gone`` (relative names), all of it or nothing.
 
-        The files must be closed and on disk. Where there is more than one thing to do, the caller must hold the lock of
-        the folder. Returns the names, sorted.
+        What comes stays, also where ``gone`` has it. The files must be closed and on disk. Where there is more than one
+        thing to do, the caller must hold the lock of the folder. Returns the names, sorted.
         """
         published = self.names
-        plan = _Plan({name + SUFFIX: final for name, final in self._final.items()}, tuple(sorted({*gone})))
+        renamed = {name + SUFFIX: final for name, final in self._final.items()}
+        plan = _Plan(renamed, tuple(sorted({*gone} - {*renamed, *published})))
+        _require_within(self._out, plan)
         journalled = len(plan.renamed) + len(plan.gone) > 1
         if journalled:
             _write_journal(self._out, plan)
@@ -104,29 +107,60 @@ class _Plan:
     renamed: Mapping[str, str]
     gone: tuple[str, ...] = ()
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every name of a file that something is done to."""
+        return (*self.renamed, *self.renamed.values(), *self.gone)
+
+    def is_sound(self) -> bool:
+        """Whether doing it twice is doing it once: each file is named once, and is renamed in the folder it is in."""
+        return (
+            all(map(is_name, self.names))
+            and len({*self.names}) == len(self.names)
+            and all(partial.endswith(SUFFIX) for partial in self.renamed)
+            and all(_folder(partial) == _folder(final) for partial, final in self.renamed.items())
+        )
+
 
 def settle(out: Path) -> None:
     """Carry out what a process had begun to publish when it was killed; nothing where there is no journal.
 
-    The caller must hold the lock of the folder. Raises OSError, and OutputError when the journal is none of ours.
+    The caller must hold the lock of the folder. Raises OSError, and OutputError when the journal is none of ours, or
+    leads out of the folder; then nothing of it was done.
     """
+    plan = _begun(out)
+    if plan is not None:
+        _require_within(out, plan)
+        _carry_out(out, plan, journalled=True)
+
+
+def begun(out: Path) -> tuple[str, ...]:
+    """The names of the files that ``settle`` would rename, bring and remove; raises as it does."""
+    plan = _begun(out)
+    return () if plan is None else plan.names
+
+
+def _begun(out: Path) -> _Plan | None:
     journal = out / JOURNAL
     if not journal.is_file():
-        return
-    try:
+        return None
+    with suppress(ValueError, KeyError, TypeError, RecursionError):
         told = json.loads(journal.read_text(encoding="utf-8"))
         plan = _Plan(dict(told["renamed"]), tuple(told["gone"]))
-        harmless = all(map(_is_within, (*plan.renamed, *plan.renamed.values(), *plan.gone)))
-    except (ValueError, KeyError, TypeError):
-        harmless = False
-    if not harmless:
-        raise OutputError(f"{journal} is not what a run writes there: remove it, or choose another folder")
-    _carry_out(out, plan, journalled=True)
+        if plan.is_sound() and not journal.is_symlink():
+            return plan
+    raise OutputError(f"{journal} is not what a run writes there: remove it, or choose another folder")
+
+
+def _require_within(out: Path, plan: _Plan) -> None:
+    """Raises OutputError where something that is to be done would be done outside of the folder."""
+    for name in plan.names:
+        file_in(out, name)
 
 
 def _write_journal(out: Path, plan: _Plan) -> None:
     partial = out / (JOURNAL + SUFFIX)
-    with partial.open("wb") as stream:
+    with new_file(partial) as stream:
         stream.write(json.dumps({"renamed": plan.renamed, "gone": plan.gone}).encode())
         sync(stream)
     for folder in _folders(out, plan.renamed):  # the partial files' own names
@@ -155,12 +189,17 @@ def _folders(out: Path, names: Iterable[str]) -> list[Path]:
     return [folder for name in sorted(below, reverse=True) if (folder := out / name).is_dir()]
 
 
-def _is_within(name: object) -> bool:
-    """Whether a name leads to somewhere in the folder."""
-    if not isinstance(name, str):
-        return False
-    path = PurePosixPath(name)
-    return bool(path.parts) and not path.is_absolute() and ".." not in path.parts
+def _folder(name: str) -> PurePosixPath:
+    return PurePosixPath(name).parent
+
+
+def new_file(path: Path) -> BinaryIO:
+    """A new file, opened for writing. What has its name goes: a rest, or a link, through which nothing is written."""
+    try:
+        return path.open("xb")
+    except FileExistsError:
+        path.unlink()
+        return path.open("xb")
 
 
 def sync(stream: BinaryIO) -> None:
@@ -196,6 +235,8 @@ def _sentence(out: Path, error: OSError) -> str:
         return f"{where} cannot be written because the disk or the quota is full: make room and run again"
     if error.errno in _REFUSED:
         return f"{where} cannot be written because it is read-only for this user: choose another output folder"
+    if error.errno == errno.ELOOP:
+        return f"{where} cannot be written because a link is in its place: remove it, or choose another folder"
     if error.errno in (errno.ENOTDIR, errno.EEXIST, errno.EISDIR):
         return f"{where} cannot be written because a file or folder of that name is in the way: choose another folder"
     return f"{where} cannot be written: {error.strerror or error}"

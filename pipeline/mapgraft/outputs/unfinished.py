@@ -7,11 +7,13 @@ import struct
 from pathlib import Path
 
 from mapgraft.outputs.claims import clear
+from mapgraft.outputs.fence import file_in, folder_in
 from mapgraft.outputs.parquet_log import UNTITLED, WRITTEN, rests_of
 from mapgraft.outputs.provenance import is_run_id
 from mapgraft.outputs.read_back import Told, told_by
 from mapgraft.outputs.staging import SUFFIX, sync, sync_folder
 
+_FOLDERS, _TABLES = ("maps", "trajectories"), (*WRITTEN, "labels")
 _WRITTEN_AT_THE_END = ("mission.json", "transforms.csv", "layout.json", "summary.json", "report.html")
 _END = struct.pack("<BQI", 0x0F, 4, 0) + struct.pack("<BQQQI", 0x02, 20, 0, 0, 0) + b"\x89MCAP0\r\n"
 
@@ -21,8 +23,11 @@ def make_room(out: Path, stem: str, ending: str) -> None:
 
     An unfinished recording that tells of a decision becomes ``<stem>.<run id><ending>.partial``; of two of the same run
     the one that got farther stays. Other partial files tell nothing more and go. Labels that somebody is adding
-    stay, and so do unfinished recordings of other stems. The caller holds the lock; raises OSError.
+    stay, and so do unfinished recordings of other stems. The caller holds the lock. Raises OSError, and OutputError
+    where a folder that a run writes is a link.
     """
+    for folder in {*_FOLDERS, *_TABLES}:
+        folder_in(out, folder)
     recording = out / f"{stem}{ending}{SUFFIX}"
     if recording.is_file():
         told = told_by(recording)
@@ -31,12 +36,12 @@ def make_room(out: Path, stem: str, ending: str) -> None:
         else:
             recording.unlink()
     rests = [out / (name + SUFFIX) for name in _WRITTEN_AT_THE_END]
-    for folder in ("maps", "trajectories"):
+    for folder in _FOLDERS:
         rests += sorted((out / folder).glob(f"*{SUFFIX}"))
-    for table in (*WRITTEN, "labels"):
+    for table in _TABLES:
         rests += sorted((out / table).glob(f"run_id=*/{UNTITLED}{SUFFIX}"))
     for rest in rests:
-        rest.unlink(missing_ok=True)
+        file_in(out, rest.relative_to(out).as_posix()).unlink(missing_ok=True)
     clear(rests_of(out, "labels"))
     sync_folder(out)
 

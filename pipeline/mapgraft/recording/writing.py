@@ -55,7 +55,8 @@ class RecordingWriter:
         self._channels: dict[tuple[str, SchemaText], int] = {}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._stream: BinaryIO = self._partial.open("wb")
+            self._partial.unlink(missing_ok=True)  # a rest, or a link, which is not written through
+            self._stream: BinaryIO = self._partial.open("xb")
         except OSError as error:
             raise _unwritable(path, error) from error
         self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
