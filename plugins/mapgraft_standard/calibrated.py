@@ -37,7 +37,7 @@ class Calibrated:
     ``{weight, log, most}``, where ``log`` takes the logarithm of 1 + the number (with its sign) and ``most`` bounds it
     to both sides. Numbers are ``score`` and ``margin`` of the match, its evidence as ``evidence.<name>``, a metric by
     its name and its details as ``<metric>.<detail>``. Where one of them is not told the candidate is not taken. Without
-    a threshold (``accept_above`` null) nothing is: no labels have set one. Above ``ambiguous_above``, which is no
+    a threshold (``accept_above`` null) nothing is: labels have set none. Above ``ambiguous_above``, which is no
     higher, the verdict is ``ambiguous``.
 
     Only the first candidate is looked at, because that is the one of which the labels told how often it is wrong
@@ -76,7 +76,7 @@ class Calibrated:
             return Decision("unmatched", None, f"the first hypothesis scores {score:.4g}, but {faults}")
         said = f"the first hypothesis scores {score:.4g}"
         if math.isinf(self.above):
-            return Decision("unmatched", None, f"{said}; too few labels to set a threshold for such maps")
+            return Decision("unmatched", None, f"{said}; labels have set no threshold for such maps")
         if score > self.above:
             return Decision("provisional", 0, f"{said} > {self.above:.4g}")
         if score > self.ambiguous:

@@ -44,7 +44,7 @@ def test_the_score_is_the_sum_of_its_terms() -> None:
 def test_without_a_threshold_nothing_is_taken() -> None:
     decision = Calibrated(score={"score": 1.0}).accept([candidate(1e9)])
     assert decision.verdict == "unmatched"
-    assert "too few labels" in decision.reason
+    assert "labels have set no threshold" in decision.reason
 
 
 def test_what_cannot_be_told_is_not_taken() -> None:

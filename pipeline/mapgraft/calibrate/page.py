@@ -78,7 +78,7 @@ def _row(fit: Fit) -> dict[str, str]:
     takes = math.isfinite(accept.value)
     return {
         "group": fit.group.name,
-        "accept": f"above {accept.value:.3f}" if takes else f"nothing: {accept.missing} labels missing",
+        "accept": f"above {accept.value:.3f}" if takes else f"nothing: {accept.refusal}",
         "tone": "" if takes else "bad",
         "wrong": _share(fit.wrong) if takes else "–",
         "right": _share(fit.right) if takes else "–",

@@ -19,6 +19,7 @@ from mapgraft.decision import Rule
 from mapgraft.pages import readable
 
 _WIDTH = 118
+_LOWEST = -1e6  # a score below which nobody asks whether a hypothesis is ambiguous
 _OWN_NUMBERS = ("score", "margin", "evidence")  # what a match tells of itself; all others are metrics
 
 
@@ -82,6 +83,8 @@ def _of_threshold(limit: Threshold) -> str:
             f"Accepts nothing: {asked} cannot be promised from {limit.wrong} wrong hypotheses, "
             f"{limit.missing} more are needed."
         )
+    if not math.isfinite(limit.value):
+        return f"Accepts nothing: {limit.refusal}."
     whose = f"{limit.wrong} wrong hypotheses"
     by = ", ".join(f"{cell.environment} {cell.wrong}" for cell in limit.cells)
     said = f"Accepts above {limit.value:.4f}: at most {asked} of wrong hypotheses, by {whose} ({by})"
@@ -137,7 +140,7 @@ def _accept(rule_fit: RuleFit, limit: Threshold) -> dict[str, Any]:
         accept["accept_above"] = limit.value
         even = rule_fit.quality.curve.reaches(0.5)
         if even < limit.value:
-            accept["ambiguous_above"] = float(f"{even:.4g}") if even > -1e6 else -1e6
+            accept["ambiguous_above"] = min(float(f"{max(even, _LOWEST):.4g}"), limit.value)
     return {**accept, "metrics": _metrics(rule_fit)}
 
 

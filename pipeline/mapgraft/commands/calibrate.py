@@ -165,7 +165,7 @@ def row(fit: Fit) -> list[str]:
             limits.append(f"{limit.value:.3f}")
     return [
         fit.group.name,
-        f"{accept.value:.3f}" if takes else f"nothing: {accept.missing} labels missing",
+        f"{accept.value:.3f}" if takes else f"nothing: {accept.refusal}",
         fit.wrong.text if takes else "-",
         fit.right.text if takes else "-",
         *limits,
