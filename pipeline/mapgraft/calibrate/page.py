@@ -11,7 +11,8 @@ from mapgraft.calibrate.charts import charts
 from mapgraft.calibrate.fitting import Calibration, Fit, RuleFit, choice
 from mapgraft.calibrate.plots import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH
 from mapgraft.calibrate.rates import Rate
-from mapgraft.calibrate.table import told, written
+from mapgraft.calibrate.rules import written
+from mapgraft.calibrate.table import told
 from mapgraft.calibrate.transfer import Transfer
 from mapgraft.calibrate.watching import Limit
 from mapgraft.pages import render
@@ -40,7 +41,7 @@ def page_of(calibration: Calibration) -> str:
         rules=[_rule(calibration, rule_fit, number) for number, rule_fit in enumerate(calibration.rules)],
         remarks=calibration.remarks,
         facts=_facts(calibration),
-        others=[rule.name for rule in calibration.others if rule.reject is None],
+        others=[(one.rule.name, one.why) for one in calibration.others],
         size=(WIDTH, HEIGHT),
         box=(LEFT, RIGHT, TOP, BOTTOM),
     )

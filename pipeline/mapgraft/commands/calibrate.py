@@ -16,7 +16,8 @@ from mapgraft.calibrate.document import document
 from mapgraft.calibrate.fitting import Asked, Calibration, Fit, RuleFit, calibrate
 from mapgraft.calibrate.labelled import read_labels
 from mapgraft.calibrate.page import page_of
-from mapgraft.calibrate.table import rules_text, written
+from mapgraft.calibrate.rules import written
+from mapgraft.calibrate.table import rules_text
 from mapgraft.calibrate.transfer import Target
 from mapgraft.config import Config
 from mapgraft.console import cell, print_json, remarks, results
@@ -119,9 +120,9 @@ def show(calibration: Calibration, out: Path) -> None:
     for rule_fit in calibration.rules:
         _show_rule(rule_fit)
     if calibration.others:
-        names = ", ".join(rule.name for rule in calibration.others if rule.reject is None)
+        names = ", ".join(one.rule.name for one in calibration.others)
         results().print()
-        results().print(cell(f"as they were, without labels and promises: {names}"), style="dim")
+        results().print(cell(f"as they were, without promises: {names}"), style="dim")
     results().print(cell(f"written: {out / RULES}, {DOCUMENT}, {PAGE}"))
 
 
