@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -70,16 +70,20 @@ def calibrate_and_show(
 ) -> None:
     """Calibrate, write the decision table, the JSON and the page, and print what came of it."""
     checked = as_config(config)
-    table = [record.rule for record in build_table(load_plugins(without), rules or checked.rules).records]
+    records = build_table(load_plugins(without), rules or checked.rules).records
+    table = [record.rule for record in records if record.lacking is None]
+    lacking = [f"the rule {one.rule.name!r} is left out, {one.lacking}" for one in records if one.lacking is not None]
     if collecting is not None:
         _collect(collecting, table, datasets)
+        _remark(lacking)
         return
     if not datasets or out is None:
         raise UsageError("name labelled examples and a folder to write to: mapgraft calibrate DATASET… -o OUT")
     asked = options.over(checked)
     labels = read_labels(datasets, without=without_building, held_back=held_back)
     used_on = read_labels(meant, held_back=True) if meant else None
-    calibration = calibrate(labels, table, asked, used_on)
+    found = calibrate(labels, table, asked, used_on)
+    calibration = replace(found, remarks=[*lacking, *found.remarks])
     content = document(calibration)
     _write(out, RULES, rules_text(calibration))
     _write(out, DOCUMENT, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
@@ -87,9 +91,13 @@ def calibrate_and_show(
     if as_json:
         print_json(content)
         return
-    for sentence in calibration.remarks:
-        remarks().print(cell(sentence), style="yellow")
+    _remark(calibration.remarks)
     show(calibration, out)
+
+
+def _remark(sentences: Sequence[str]) -> None:
+    for sentence in sentences:
+        remarks().print(cell(sentence), style="yellow")
 
 
 def _collect(path: Path, rules: Sequence[Rule], datasets: Sequence[Path]) -> None:
