@@ -287,6 +287,11 @@ def _first_failure(rule: Rule, facts: Mapping[str, Value]) -> str | None:
     return None
 
 
+def holds(condition: Condition, value: Value) -> bool:
+    """Whether a value meets a condition."""
+    return _failure(value, condition) is None
+
+
 def _failure(value: Value, condition: Condition) -> str | None:
     """None when the condition holds, else what it wants."""
     if isinstance(condition, Range):

@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from mapgraft.contracts import Candidate, ConfigError, Decision, PluginError
+from mapgraft_standard.acceptance import Thresholds
 from mapgraft_standard.limits import limits_of, mapping_of, number_of
+from mapgraft_standard.rendezvous import REFUTED, refutations
 
 _WHERE = "acceptor calibrated"
+_LIMITS = ("score_min", "margin_min", "evidence", "metrics")  # what the acceptor ``thresholds`` takes
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,12 +40,14 @@ class Calibrated:
     ``{weight, log, most}``, where ``log`` takes the logarithm of 1 + the number (with its sign) and ``most`` bounds it
     to both sides. Numbers are ``score`` and ``margin`` of the match, its evidence as ``evidence.<name>``, a metric by
     its name and its details as ``<metric>.<detail>``. Where one of them is not told the candidate is not taken. Without
-    a threshold (``accept_above`` null) nothing is: no labels have set one. Above ``ambiguous_above``, which is no
+    a threshold (``accept_above`` null) nothing is: labels have set none. Above ``ambiguous_above``, which is no
     higher, the verdict is ``ambiguous``.
 
-    Only the first candidate is looked at, because that is the one of which the labels told how often it is wrong
-    above the threshold. ``metrics`` names what is measured; limits on them (``{name: {min, max, support_min, details:
-    {name: {min, max}}}}``) are vetoes, which can only make it rarer; what cannot be measured breaks none.
+    Only the first candidate is taken, because that is the one of which the labels told how often it is wrong above the
+    threshold. Vetoes can only make it rarer. ``metrics`` names what is measured; limits on them (``{name: {min, max,
+    support_min, details: {name: {min, max}}}}``) are vetoes; what cannot be measured breaks none. Where robots saw each
+    other the metric ``rendezvous`` is a veto at ``refuted`` nats or below. ``limits`` are those of the acceptor
+    ``thresholds``, under its names: what that would not take is not taken here, either.
     """
 
     def __init__(
@@ -53,6 +58,8 @@ class Calibrated:
         accept_above: float | None = None,
         ambiguous_above: float | None = None,
         metrics: Mapping[str, Any] | None = None,
+        limits: Mapping[str, Any] | None = None,
+        refuted: float = REFUTED,
     ) -> None:
         self.terms = [_term(name, given) for name, given in (score or {"score": 1.0}).items()]
         self.intercept = number_of(intercept, f"{_WHERE}, intercept")
@@ -62,6 +69,8 @@ class Calibrated:
             raise ConfigError(f"{_WHERE} needs ambiguous_above <= accept_above, found {told:g} and {self.above:g}")
         self.ambiguous = told
         self.vetoes = limits_of({name: options for name, options in (metrics or {}).items() if options}, _WHERE)
+        self.limits = None if limits is None else _thresholds(limits)
+        self.refuted = number_of(refuted, f"{_WHERE}, refuted")
 
     def accept(self, candidates: Sequence[Candidate]) -> Decision:
         """Provisional, ambiguous or unmatched, with the score and the threshold that made it so."""
@@ -76,9 +85,9 @@ class Calibrated:
             return Decision("unmatched", None, f"the first hypothesis scores {score:.4g}, but {faults}")
         said = f"the first hypothesis scores {score:.4g}"
         if math.isinf(self.above):
-            return Decision("unmatched", None, f"{said}; too few labels to set a threshold for such maps")
+            return Decision("unmatched", None, f"{said}; labels have set no threshold for such maps")
         if score > self.above:
-            return Decision("provisional", 0, f"{said} > {self.above:.4g}")
+            return self._within_limits(candidates, f"{said} > {self.above:.4g}")
         if score > self.ambiguous:
             return Decision("ambiguous", None, f"{said} ≤ {self.above:.4g}")
         return Decision("unmatched", None, f"{said} ≤ {self.ambiguous:.4g}")
@@ -87,14 +96,31 @@ class Calibrated:
         """The score of a candidate; NaN where one of its numbers is not told."""
         return self.intercept + sum(term.value(_number(candidate, term.number)) for term in self.terms)
 
+    def _within_limits(self, candidates: Sequence[Candidate], said: str) -> Decision:
+        """What becomes of a first candidate that scores high enough, ``said`` so: it must be the one within limits."""
+        if self.limits is None:
+            return Decision("provisional", 0, said)
+        found = self.limits.accept(candidates)
+        if found.chosen == 0:
+            return Decision("provisional", 0, f"{said}; {found.reason}")
+        verdict: Literal["ambiguous", "unmatched"] = "ambiguous" if found.verdict == "ambiguous" else "unmatched"
+        return Decision(verdict, None, f"{said}, but by its limits: {found.reason}")
+
     def _broken(self, candidate: Candidate) -> list[str]:
-        """The limits that a candidate breaks."""
-        out = []
+        """The vetoes that a candidate breaks."""
+        out = [check.text for check in refutations(candidate.measurements, self.refuted)]
         for name, limit in self.vetoes.items():
             if name not in candidate.measurements:
                 raise PluginError(f"the metric {name} was not measured: an acceptor must get what its rule names")
             out += [check.text for check in limit.checks(candidate.measurements[name]) if check.passed is False]
         return out
+
+
+def _thresholds(limits: object) -> Thresholds:
+    given = mapping_of(limits, f"{_WHERE}, limits")
+    if unknown := sorted(set(given) - set(_LIMITS)):
+        raise ConfigError(f"{_WHERE}, limits takes {', '.join(_LIMITS)}, found {', '.join(unknown)}")
+    return Thresholds(**given)
 
 
 def _term(name: str, given: object) -> Term:

@@ -82,6 +82,19 @@ def test_decide_takes_what_it_wrote(folder: Path, tmp_path: Path, capsys: pytest
         assert "occupancy_grid 0.07 m ← occupancy_grid 0.07 m, ledger" in " ".join(capsys.readouterr().out.split())
 
 
+def test_what_is_not_installed_is_left_out_so_that_the_table_can_be_read(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    without = ["--no-plugin", "line_segments"]
+    out, collecting = tmp_path / "out", tmp_path / "collecting.yaml"
+    for arguments in ([str(folder), "-o", str(out), "--false-accept", "0.02"], ["--collecting", str(collecting)]):
+        assert invoke(["calibrate", *arguments, *without]) == 0
+        assert "the rule 'a cloud into line segments' is left out, " in " ".join(capsys.readouterr().err.split())
+    types = ["--own", "type=occupancy_grid", "--other", "type=occupancy_grid"]
+    for path in (out / "rules.yaml", collecting):
+        assert invoke(["decide", "--rules", str(path), *types, *without]) == 0
+
+
 def test_the_configuration_says_what_is_promised_and_the_command_line_goes_before(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -11,7 +11,8 @@ import pytest
 from mapgraft.calibrate import Asked, Calibration, Labelled, Labels, calibrate
 from mapgraft.calibrate.collecting import collecting_text
 from mapgraft.calibrate.groups import Group
-from mapgraft.calibrate.table import plain, rules_text
+from mapgraft.calibrate.rules import plain
+from mapgraft.calibrate.table import rules_text
 from mapgraft.config import load_config
 from mapgraft.contracts import Candidate, Match, Measurement, Transform
 from mapgraft.decision import Rule, Value, build_table, parse_rules
@@ -69,7 +70,8 @@ def test_every_pair_meets_the_thresholds_of_its_group(calibration: Calibration, 
 def test_the_acceptor_decides_as_the_calibration_counted(made: Make, installed: list[Rule], score: str) -> None:
     known = [e for n, name in enumerate("abcd") for e in made(name, 300, n)]
     found = calibrate(Labels(known), installed, Asked(0.05, score=score))
-    rule = parse_rules(rules_text(found), "here")[0]
+    rules = parse_rules(rules_text(found), "here")
+    rule = next(rule for rule in rules if rule.accept is not None and rule.accept.use == "calibrated")
     assert rule.accept is not None
     acceptor = Calibrated(**rule.accept.parameters)
     fit = found.rules[0].finest[0]

@@ -44,7 +44,7 @@ def test_the_score_is_the_sum_of_its_terms() -> None:
 def test_without_a_threshold_nothing_is_taken() -> None:
     decision = Calibrated(score={"score": 1.0}).accept([candidate(1e9)])
     assert decision.verdict == "unmatched"
-    assert "too few labels" in decision.reason
+    assert "labels have set no threshold" in decision.reason
 
 
 def test_what_cannot_be_told_is_not_taken() -> None:
@@ -61,6 +61,32 @@ def test_a_veto_only_makes_it_rarer() -> None:
     assert acceptor.accept([candidate(0.0, crossed=math.nan)]).chosen == 0
     with pytest.raises(PluginError, match="speed was not measured"):
         Calibrated(accept_above=0.0, metrics={"speed": {"max": 4}}).accept([candidate(0.0)])
+
+
+def test_limits_are_those_of_thresholds_and_only_make_it_rarer() -> None:
+    limits = {"margin_min": 2.0, "evidence": {"rivals": {"max": 1.0}}, "metrics": {"paths": {"max": 4.0}}}
+    acceptor = Calibrated(score={"posterior.log_odds": 1.0}, accept_above=0.0, limits=limits)
+    good, near = candidate(3.0, 1.0), candidate(2.0, -1.0)  # both with a score of the matcher of 7
+    assert acceptor.accept([good]).chosen == 0  # nobody else keeps the limits: the margin need not be large
+    assert acceptor.accept([good, candidate(2.0, -1.0, crossed=5.0)]).chosen == 0
+    assert acceptor.accept([good, near]).verdict == "ambiguous"
+    for broken in (candidate(3.0, crossed=5.0), candidate(3.0, crossed=math.nan), candidate(3.0, rivals=2.0)):
+        decision = acceptor.accept([broken, good])
+        assert (decision.verdict, decision.chosen) == ("unmatched", None)
+        assert "by its limits" in decision.reason
+    assert acceptor.accept([candidate(-1.0, 9.0)]).verdict == "unmatched"
+    with pytest.raises(ConfigError, match=r"limits takes score_min.*, found marginmin"):
+        Calibrated(limits={"marginmin": 2.0})
+
+
+@pytest.mark.parametrize(("told", "taken"), [(-5.0, False), (-4.9, True), (8.0, True), (math.nan, True)])
+def test_robots_that_saw_each_other_elsewhere_are_a_veto(told: float, taken: bool) -> None:
+    met = Measurement("rendezvous", told, "nats", 0 if math.isnan(told) else 2, "higher")
+    given = candidate(3.0)
+    seen = Candidate(given.match, {**given.measurements, "rendezvous": met})
+    acceptor = Calibrated(score={"posterior.log_odds": 1.0}, accept_above=0.0)
+    assert (acceptor.accept([seen]).chosen == 0) == taken
+    assert Calibrated(score={"posterior.log_odds": 1.0}, accept_above=0.0, refuted=-100.0).accept([seen]).chosen == 0
 
 
 @given(st.lists(numbers, min_size=1, max_size=5), numbers, numbers)

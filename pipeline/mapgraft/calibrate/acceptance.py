@@ -37,11 +37,12 @@ class Floor:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Threshold:
-    """A threshold with the labels that set it. ``value`` is infinite where there are too few: nothing is accepted.
+    """A threshold with the labels that set it. ``value`` is infinite where nothing is accepted; ``refusal`` says why.
 
-    ``set_by`` is the group whose labels set it, this or a coarser one, and ``missing`` how many labels of wrong
-    hypotheses are missing for one of the group's own. ``cells`` are the environments of ``set_by``. ``raised_by``
-    says what asks for more than the rate of these labels does, empty where nothing does.
+    ``set_by`` is the group whose labels set it, this or a coarser one, None where there are too few of them, and
+    ``missing`` how many labels of wrong hypotheses are missing for one of the group's own. ``cells`` are the
+    environments of ``set_by``. ``raised_by`` says what asks for more than the rate of these labels does, empty where
+    nothing does.
     """
 
     group: Group
@@ -57,6 +58,17 @@ class Threshold:
     @property
     def own(self) -> bool:
         return self.set_by == self.group
+
+    @property
+    def refusal(self) -> str:
+        """Why nothing is accepted, empty where something is."""
+        if math.isfinite(self.value):
+            return ""
+        if self.set_by is None:
+            return f"{self.missing} labels missing"
+        if self.raised_by:
+            return f"no label is as sure as the {self.raised_by} ask"
+        return "too many wrong hypotheses have the highest score there is, or none has a score"
 
     def passes(self, score: float) -> bool:
         """Whether a score is above it; what has no score is not."""
@@ -116,7 +128,8 @@ def _strictest(wrong: Sequence[Labelled], score: Score, rate: float) -> tuple[fl
 
 def _of(wrong: Sequence[Labelled], score: Score, rate: float) -> float:
     """The threshold of these; one without a score is never accepted, and never lower than the lowest score there is."""
-    scores = np.nan_to_num(score.all(wrong), nan=-np.inf)
+    told = score.all(wrong)
+    scores = np.where(np.isnan(told), -np.inf, told)  # an infinite score stays infinite: nothing is above it
     finite = scores[np.isfinite(scores)]
     lowest = float(finite.min()) if finite.size else math.inf
     return max(threshold(scores, rate, [example.unit for example in wrong]), lowest)
@@ -130,13 +143,12 @@ def cost_floor(curve: Curve, false_accept: float | None, miss: float) -> Floor:
     """
     if false_accept is None:
         return Floor()
-    return Floor(_up(curve.reaches(false_accept / (false_accept + miss))), "costs")
+    return Floor(_up(curve.reaches(1.0 / (1.0 + miss / false_accept))), "costs")
 
 
 def _up(value: float) -> float:
-    if not math.isfinite(value):
-        return value
-    return math.ceil(value * _STEPS) / _STEPS
+    steps = value * _STEPS
+    return max(value, math.ceil(steps) / _STEPS) if math.isfinite(steps) else value
 
 
 def accepted(examples: Sequence[Labelled], score: Score, limits: Mapping[Group, Threshold], *, right: bool) -> Rate:

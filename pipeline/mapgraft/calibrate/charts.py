@@ -12,7 +12,7 @@ from mapgraft.calibrate.fitting import Fit, RuleFit
 from mapgraft.calibrate.labelled import Labelled
 from mapgraft.calibrate.plots import Box, Dot, Frame, Line, Mark, Plot, plot, said
 from mapgraft.calibrate.rates import Rate
-from mapgraft.calibrate.table import written
+from mapgraft.calibrate.rules import written
 
 RIGHT, WRONG, PLAIN = "right", "wrong", "plain"
 _BINS = 36

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Any
 
-from mapgraft.calibrate.fitting import SEQUENTIAL
-from mapgraft.calibrate.table import comment, plain, spelt
+from mapgraft.calibrate.given import CALIBRATED, FAR, SEQUENTIAL, untouched
+from mapgraft.calibrate.rules import plain
+from mapgraft.calibrate.table import comment, spelt
 from mapgraft.decision import Rule
-
-_FAR: Final = 1e300  # beyond any score, and any log-odds
-_GUESSED: Final = ("posterior", "calibrated", "thresholds")  # acceptors that judge a search
 
 
 def collecting_text(rules: Sequence[Rule]) -> str:
@@ -33,12 +31,13 @@ def collecting_text(rules: Sequence[Rule]) -> str:
 
 def _collecting(rule: Rule) -> Mapping[str, Any]:
     base = plain(rule)
-    if rule.accept is None or rule.verify is None or rule.accept.use not in _GUESSED or "prior_sigma_m" in rule.when:
+    if rule.accept is None or rule.verify is None or untouched(rule):
         return base
     metrics: dict[str, dict[str, Any]] = {name: {} for name in (*rule.accept.metric_names, *rule.verify.metric_names)}
-    base["accept"] = {"use": "calibrated", "score": {"score": 1.0}, "accept_above": -_FAR, "metrics": metrics}
+    score = {"score": {"score": 1.0}, "accept_above": -FAR, "refuted": -FAR}
+    base["accept"] = {"use": CALIBRATED, **score, "metrics": metrics}
     if rule.verify.use == SEQUENTIAL:
-        limits = {"revert_at": _FAR, "revert_below": 0.0, "confirm": False}
+        limits = {"revert_at": FAR, "revert_below": 0.0, "confirm": False}
         log = {
             "metrics": list(rule.accept.metric_names),
             "every": rule.verify.every,

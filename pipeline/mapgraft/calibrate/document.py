@@ -10,7 +10,7 @@ from mapgraft import __version__
 from mapgraft.calibrate.acceptance import Threshold
 from mapgraft.calibrate.fitting import Calibration, Fit, RuleFit
 from mapgraft.calibrate.groups import Group
-from mapgraft.calibrate.table import parameters, written
+from mapgraft.calibrate.rules import parameters, written
 from mapgraft.calibrate.watching import Limit
 from mapgraft.evaluation.document import finite
 
@@ -35,7 +35,7 @@ def document(calibration: Calibration) -> dict[str, Any]:
             },
             "remarks": list(calibration.remarks),
             "rules": [_rule(rule_fit) for rule_fit in calibration.rules],
-            "not_calibrated": [rule.name for rule in calibration.others],
+            "not_calibrated": [{"rule": one.rule.name, "why": one.why} for one in calibration.others],
         }
     )
     return content

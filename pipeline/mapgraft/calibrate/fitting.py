@@ -5,27 +5,28 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mapgraft.calibrate.acceptance import Floor, Threshold, acceptance, accepted, cost_floor, members
-from mapgraft.calibrate.groups import Group
+from mapgraft.calibrate.given import CALIBRATED, Given, given_of
+from mapgraft.calibrate.groups import Group, named
 from mapgraft.calibrate.labelled import Labelled, Labels
 from mapgraft.calibrate.others import Promised, left_out
 from mapgraft.calibrate.quality import Quality, quality
 from mapgraft.calibrate.rates import Rate
 from mapgraft.calibrate.remarks import remarks, unwatched
 from mapgraft.calibrate.scoring import UNFITTED, Score, fitted, single
-from mapgraft.calibrate.sequential import Test
 from mapgraft.calibrate.taking import Taking, vetoes_of
 from mapgraft.calibrate.transfer import Transfer, building_threshold, judged, target_of
+from mapgraft.calibrate.verifier import confirms, is_sequential, test_of
 from mapgraft.calibrate.watching import Limit, Watch
 from mapgraft.decision import Rule
 from mapgraft.errors import UsageError
 
 AUTO, FIT = "auto", "fit"
-SEQUENTIAL = "sequential"  # the verifier whose limits labels can set
+_LOG_ODDS = ".log_odds"
 _NEARLY_ALL = 0.9
 
 
@@ -64,7 +65,8 @@ class Fit:
 
     Where the verifier is another than the sequential test, its limits stay, and ``kept`` tells what they did to the
     merges that were read: the share of right ones that was reverted, and of wrong ones that was confirmed.
-    ``prior_reverts`` says whether the fall of the probability may still revert a merge. ``wrong`` and ``right`` are the
+    ``prior_reverts`` says whether the fall of the probability may still revert a merge, and ``confirm`` is None where
+    the rule never confirms such merges, whatever labels say. ``wrong`` and ``right`` are the
     shares that are accepted of the group's labels; ``overlaps`` the latter by overlap.
     """
 
@@ -83,7 +85,7 @@ class Fit:
 class RuleFit:
     """One rule of the decision table with everything that labels say of it."""
 
-    rule: Rule
+    given: Given
     score: Score
     examples: int
     setting: int
@@ -93,20 +95,45 @@ class RuleFit:
     by_quality: Sequence[tuple[str, Threshold]]
 
     @property
+    def rule(self) -> Rule:
+        """The rule as the given table has it."""
+        return self.given.rule
+
+    @property
     def finest(self) -> list[Fit]:
         """The groups that labels tell of."""
         return [fit for fit in self.fits if fit.group.resolutions]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Left:
+    """A rule that stays as it was, and why; of what turns maps away nothing need be said."""
+
+    rule: Rule
+    why: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
-    """All rules there are labels of, and sentences about what is doubtful."""
+    """The given decision table in its order, each rule with what labels say of it or left as it was.
+
+    ``remarks`` are sentences about what is doubtful.
+    """
 
     asked: Asked
     labels: Labels
-    rules: Sequence[RuleFit]
-    others: Sequence[Rule]
+    table: Sequence[RuleFit | Left]
     remarks: Sequence[str]
+
+    @property
+    def rules(self) -> list[RuleFit]:
+        """The rules of which labels have set the limits."""
+        return [one for one in self.table if isinstance(one, RuleFit)]
+
+    @property
+    def others(self) -> list[Left]:
+        """The procedures that stay as they were, and of which nothing is promised."""
+        return [one for one in self.table if isinstance(one, Left) and one.rule.reject is None]
 
 
 OVERLAPS = ((0.0, 0.1), (0.1, 0.3), (0.3, 0.5), (0.5, 0.7), (0.7, math.inf))
@@ -115,41 +142,74 @@ OVERLAPS = ((0.0, 0.1), (0.1, 0.3), (0.3, 0.5), (0.5, 0.7), (0.7, math.inf))
 def calibrate(labels: Labels, rules: Sequence[Rule], asked: Asked, meant: Labels | None = None) -> Calibration:
     """Set the limits of every rule that labels tell of.
 
-    ``meant`` are examples of the maps for which the limits are meant; their labels are not looked at. Raises UsageError
-    when the labels tell of no rule there is.
+    ``meant`` are examples of the maps for which the limits are meant; their labels are not looked at. Rules that an
+    earlier calibration has made of one are set anew with that. Raises UsageError when the labels tell of no rule of
+    which they can set limits, or the rules are those to collect examples by.
     """
-    by_name = {rule.name: rule for rule in rules}
+    given = given_of(rules)
+    labels, meant = _of_rules(labels, given), None if meant is None else _of_rules(meant, given)
+    told = _told(labels, rules)
+    fits = {id(one.rule): _rule(one, told[one.rule.name], meant, asked) for one in given if _is_set(one, told)}
+    if not fits:
+        why = "; ".join(f"{one.rule.name!r}: {one.kept}" for one in given if one.rule.name in told)
+        raise UsageError(f"labels can set no limit of the rules they are of ({why}): these stay as they are")
+    anew = {id(rule) for one in given if id(one.rule) in fits for rule in one.made}
+    kept = {id(one.rule): one.kept for one in given if one.rule.name in told}
+    table = [
+        fits.get(id(rule)) or Left(rule, kept.get(id(rule), "no labels tell of it"))
+        for rule in rules
+        if id(rule) not in anew
+    ]
+    scores = {fit.rule.name: fit.score for fit in fits.values()}
+    unset = {one.rule.name: one.kept for one in given if one.rule.name in told and one.rule.name not in scores}
+    said = [f"labels of the rule {name!r} set no limits of it: {why}" for name, why in unset.items()]
+    said += remarks(labels, list(told), {rule.name for rule in rules}, list(scores.items()))
+    for fit in fits.values():
+        said += unwatched(fit.rule.name, [limit for one in fit.fits for limit in (one.revert, one.confirm) if limit])
+    return Calibration(asked, labels, table, said)
+
+
+def _of_rules(labels: Labels, given: Sequence[Given]) -> Labels:
+    """The same examples, those of rules that a calibration has made as examples of the rule these were made of."""
+    of = {name: one.rule.name for one in given for name in one.names}
+
+    def placed(example: Labelled) -> Labelled:
+        name = example.group.rule
+        made = None if name in of else named(name)
+        base = of.get(name if made is None else made.rule, name)
+        return example if base == name else replace(example, group=replace(example.group, rule=base))
+
+    return replace(labels, examples=[placed(example) for example in labels.examples])
+
+
+def _told(labels: Labels, rules: Sequence[Rule]) -> dict[str, list[Labelled]]:
+    """The labelled examples by their rules, by name; raises UsageError when the table has none of these."""
     labelled = labels.labelled
     if not labelled:
         raise UsageError(
             f"none of {len(labels.examples)} examples in {', '.join(labels.folders)} has a label: label them with "
             "mapgraft annotate, or evaluate recordings whose poses are trusted with --examples"
         )
-    told = sorted({example.group.rule for example in labelled})
-    if not any(name in by_name for name in told):
+    told: dict[str, list[Labelled]] = {name: [] for name in sorted({example.group.rule for example in labelled})}
+    for example in labelled:
+        told[example.group.rule].append(example)
+    names = [rule.name for rule in rules]
+    if not any(name in names for name in told):
         raise UsageError(
-            f"the labels are of the rules {', '.join(told)}, the decision table has {', '.join(by_name) or 'none'}: "
-            "name the table that the examples were made by with --rules"
+            f"the labels are of the rules {', '.join(told)}, the decision table has {', '.join(names) or 'none'}: "
+            "name the table that has these rules with --rules; of rules to collect examples by it is the one that "
+            "they were made of"
         )
-    meant_examples = [] if meant is None else meant.examples
-    fits = [
-        _rule(
-            rule,
-            [example for example in labelled if example.group.rule == rule.name],
-            [example for example in meant_examples if example.group.rule == rule.name],
-            asked,
-        )
-        for rule in rules
-        if rule.name in told and rule.reject is None
-    ]
-    others = [rule for rule in rules if rule.name not in told]
-    said = remarks(labels, told, by_name, [(fit.rule.name, fit.score) for fit in fits])
-    for fit in fits:
-        said += unwatched(fit.rule.name, [limit for one in fit.fits for limit in (one.revert, one.confirm) if limit])
-    return Calibration(asked, labels, fits, others, said)
+    return told
 
 
-def _rule(rule: Rule, examples: Sequence[Labelled], meant: Sequence[Labelled], asked: Asked) -> RuleFit:
+def _is_set(given: Given, told: Mapping[str, Sequence[Labelled]]) -> bool:
+    return given.rule.name in told and not given.kept
+
+
+def _rule(given: Given, examples: Sequence[Labelled], meant: Labels | None, asked: Asked) -> RuleFit:
+    rule = given.rule
+
     def choose(some: Sequence[Labelled]) -> tuple[Score, Sequence[Labelled]]:
         return choice(some, rule, asked)
 
@@ -163,12 +223,13 @@ def _rule(rule: Rule, examples: Sequence[Labelled], meant: Sequence[Labelled], a
     everywhere = building_threshold(setting, score, asked.false_accept)
     if math.isfinite(everywhere) and everywhere > floor.value:
         floor = Floor(everywhere, "buildings, of which a further one is promised, too,")
+    fits = _fits(setting, examples, score, given, asked, floor)
     promised = _promised(rule, asked)
-    fits = _fits(setting, examples, score, promised, floor, rule)
     tested = [left_out(examples, name, choose, promised) for name in buildings] if len(buildings) > 1 else []
     limits = {fit.group: fit.accept.value for fit in fits}
     apart = max((one.unlike for one in tested if not math.isnan(one.unlike)), default=0.0)
-    targets = target_of(setting, meant, score, limits, apart)
+    unlabelled = [example for example in (meant.examples if meant else ()) if example.group.rule == rule.name]
+    targets = target_of(setting, unlabelled, score, limits, apart)
     transfer = judged(
         len(buildings),
         promised,
@@ -179,7 +240,7 @@ def _rule(rule: Rule, examples: Sequence[Labelled], meant: Sequence[Labelled], a
         reverts=any(fit.revert is not None and fit.revert.value is not None for fit in fits),
     )
     return RuleFit(
-        rule, score, len(examples), len(setting), fits, known, transfer, _by_quality(setting, score, rule, asked)
+        given, score, len(examples), len(setting), fits, known, transfer, _by_quality(setting, score, rule, asked)
     )
 
 
@@ -187,10 +248,11 @@ def choice(examples: Sequence[Labelled], rule: Rule, asked: Asked) -> tuple[Scor
     """The score of some examples, and those that are left to set thresholds: of buildings it was not fitted on."""
     if asked.score not in (AUTO, FIT):
         return single(asked.score), examples
-    number = _log_odds(rule)
-    has = sum(not math.isnan(example.numbers.get(number, math.nan)) for example in examples)
-    if asked.score == AUTO and examples and has >= _NEARLY_ALL * len(examples):
-        return single(number), examples
+    number = _log_odds(rule) if asked.score == AUTO and examples else None
+    if number is not None:
+        has = sum(not math.isnan(example.numbers.get(number, math.nan)) for example in examples)
+        if has >= _NEARLY_ALL * len(examples):
+            return single(number), examples
     ours, theirs = parts(examples)
     found = fitted(ours)
     return (single(UNFITTED), examples) if found is None or not theirs else (found, theirs)
@@ -214,30 +276,32 @@ def parts(examples: Sequence[Labelled]) -> tuple[list[Labelled], list[Labelled]]
     return first, [example for example in examples if not any(ours[name] for name in example.buildings)]
 
 
-def _log_odds(rule: Rule) -> str:
-    metric = None if rule.accept is None else rule.accept.parameters.get("metric")
-    return f"{metric or 'posterior'}.log_odds"
+def _log_odds(rule: Rule) -> str | None:
+    """The log-odds by which a rule accepts; None where it goes by another score of its own."""
+    told = {} if rule.accept is None else rule.accept.parameters
+    if rule.accept is None or rule.accept.use != CALIBRATED:
+        return f"{told.get('metric') or 'posterior'}{_LOG_ODDS}"
+    score = told.get("score")
+    if not isinstance(score, Mapping) or list(score.values()) != [1.0] or told.get("intercept"):
+        return None
+    number = str(next(iter(score)))
+    return number if number.endswith(_LOG_ODDS) else None
 
 
 def _promised(rule: Rule, asked: Asked) -> Promised:
     """What is asked for, and what of the rule it hangs on."""
-    test = _test(rule) if rule.verify is not None and rule.verify.use == SEQUENTIAL else None
+    test = test_of(rule) if is_sequential(rule) else None
     return Promised(asked.false_accept, asked.false_confirm, asked.false_revert, vetoes_of(rule), test)
 
 
 def _fits(
-    setting: Sequence[Labelled],
-    examples: Sequence[Labelled],
-    score: Score,
-    promised: Promised,
-    floor: Floor,
-    rule: Rule,
+    setting: Sequence[Labelled], examples: Sequence[Labelled], score: Score, given: Given, asked: Asked, floor: Floor
 ) -> list[Fit]:
     """All groups of a rule, the finest first: thresholds, then the limits of what they let through."""
     finest = sorted({example.group for example in examples}, key=lambda group: group.name)
     steps = [step for level in range(3) for group in finest for step in group.coarser[level : level + 1]]
-    limits = {group: acceptance(setting, score, group, promised.accept, floor) for group in dict.fromkeys(steps)}
-    return [_fit(group, limits, setting, score, promised, rule) for group in limits]
+    limits = {group: acceptance(setting, score, group, asked.false_accept, floor) for group in dict.fromkeys(steps)}
+    return [_fit(group, limits, setting, score, asked, given.rule_for(group)) for group in limits]
 
 
 def _fit(
@@ -245,19 +309,23 @@ def _fit(
     limits: Mapping[Group, Threshold],
     setting: Sequence[Labelled],
     score: Score,
-    promised: Promised,
+    asked: Asked,
     rule: Rule,
 ) -> Fit:
+    """``rule`` is the one that the table has for the group: limits of confirmation are never looser than its own."""
     limit, here = limits[group], members(setting, group)
     same = {example.group: limit for example in here}
     right, wrong = (accepted(here, score, same, right=kind) for kind in (True, False))
     revert, confirm, falls = None, None, True
+    promised = _promised(rule, asked)
     if promised.test is not None and math.isfinite(limit.value):
         by = limits if group.resolutions else dict.fromkeys(limits, limit)  # what takes the members of a coarser group
         watch = Watch(setting, Taking(score, by, promised.vetoes), promised.test)
         revert, falls = watch.reversal(group, promised.revert)
-        confirm = watch.confirmation(group, promised.confirm, revert.value)
-    kept = None if rule.verify is None or rule.verify.use == SEQUENTIAL else _kept(here)
+        found = watch.confirmation(group, promised.confirm, revert.value)
+        confirm = found if found.value is None or confirms(rule.verify, group.reversal) else None
+        falls = falls and promised.test.revert_below > 0.0
+    kept = None if is_sequential(rule) else _kept(here)
     return Fit(group, limit, revert, confirm, falls, wrong, right, _by_overlap(here, score, same), kept)
 
 
@@ -266,17 +334,6 @@ def _kept(examples: Sequence[Labelled]) -> tuple[Rate, Rate]:
     right, wrong = ([e for e in examples if e.looks and e.right is kind] for kind in (True, False))
     return Rate.counted(sum(e.reverted for e in right), len(right)), Rate.counted(
         sum(e.confirmed and e.right_later is not True for e in wrong), len(wrong)
-    )
-
-
-def _test(rule: Rule) -> Test:
-    told = {} if rule.verify is None else rule.verify.parameters
-    return Test(
-        str(told.get("news", "news")),
-        str(told.get("prior", "posterior")),
-        float(told.get("new_m", 2.0)),
-        float(told.get("revert_below", 0.1)),
-        math.log(float(told.get("false_confirm", 0.005)) / (1.0 - float(told.get("false_revert", 0.001)))),
     )
 
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
-from typing import Any
+
+from mapgraft.decision import Condition, Range
 
 _ALIKE = 0.01  # resolutions that differ by less are the same
+_MAP = r"(\S+?)(?: (\d+(?:\.\d+)?(?:e[+-]\d+)?) m)?"
+_MADE = re.compile(rf"(.+): {_MAP} ← {_MAP}(, any resolution)?, (\w+)", re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,18 +68,30 @@ class Group:
         return rule.removesuffix(suffix) if self.receiver_type and rule.endswith(suffix) else None
 
     @property
-    def conditions(self) -> dict[str, Any]:
+    def conditions(self) -> dict[str, Condition]:
         """The conditions of a decision table under which maps are of this group, beside those of the rule."""
-        when: dict[str, Any] = {}
+        when: dict[str, Condition] = {}
         if self.receiver_type:
             when |= {"own.type": self.receiver_type, "other.type": self.donor_type, "reversal": self.reversal}
         for side, metres in (("own", self.own_m), ("other", self.other_m)):
             if metres is not None:
-                when[f"{side}.resolution_m"] = {
-                    "min": float(f"{metres * (1 - _ALIKE):.4g}"),
-                    "max": float(f"{metres * (1 + _ALIKE):.4g}"),
-                }
+                low, high = (float(f"{metres * off:.4g}") for off in (1 - _ALIKE, 1 + _ALIKE))
+                when[f"{side}.resolution_m"] = Range(min=low, max=high)
         return when
+
+
+def named(rule: str) -> Group | None:
+    """The group that a rule was made for, by the name that ``Group.rule_name`` gave it; None where it has another.
+
+    The group's ``rule`` is what that was made of.
+    """
+    found = _MADE.fullmatch(rule)
+    if found is None:
+        return None
+    base, own, own_m, other, other_m, any_m, reversal = found.groups()
+    receiver_m, donor_m = (None if metres is None else float(metres) for metres in (own_m, other_m))
+    group = Group(base, own, other, reversal, receiver_m, donor_m, resolutions=any_m is None)
+    return group if group.rule_name(base) == rule else None
 
 
 def told(metres: float | None) -> float | None:

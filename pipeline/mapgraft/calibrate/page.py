@@ -12,7 +12,8 @@ from mapgraft.calibrate.fitting import Calibration, Fit, RuleFit, choice
 from mapgraft.calibrate.others import Trial
 from mapgraft.calibrate.plots import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH
 from mapgraft.calibrate.rates import Rate
-from mapgraft.calibrate.table import told, written
+from mapgraft.calibrate.rules import written
+from mapgraft.calibrate.table import told
 from mapgraft.calibrate.transfer import SAID_OF, Transfer
 from mapgraft.calibrate.watching import Limit
 from mapgraft.pages import render
@@ -41,7 +42,7 @@ def page_of(calibration: Calibration) -> str:
         rules=[_rule(calibration, rule_fit, number) for number, rule_fit in enumerate(calibration.rules)],
         remarks=calibration.remarks,
         facts=_facts(calibration),
-        others=[rule.name for rule in calibration.others if rule.reject is None],
+        others=[(one.rule.name, one.why) for one in calibration.others],
         size=(WIDTH, HEIGHT),
         box=(LEFT, RIGHT, TOP, BOTTOM),
     )
@@ -79,7 +80,7 @@ def _row(fit: Fit) -> dict[str, str]:
     takes = math.isfinite(accept.value)
     return {
         "group": fit.group.name,
-        "accept": f"above {accept.value:.3f}" if takes else f"nothing: {accept.missing} labels missing",
+        "accept": f"above {accept.value:.3f}" if takes else f"nothing: {accept.refusal}",
         "tone": "" if takes else "bad",
         "wrong": _share(fit.wrong) if takes else "–",
         "right": _share(fit.right) if takes else "–",

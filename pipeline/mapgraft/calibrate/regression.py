@@ -68,7 +68,12 @@ class Curve:
         return np.interp(values, self.scores, self.probabilities)
 
     def reaches(self, probability: float) -> float:
-        """The lowest score at which the probability is reached, infinite where none does."""
+        """The lowest score at which the probability is reached, infinite where none does.
+
+        No score is as sure as 1, and none is needed for 0.
+        """
+        if not 0.0 < probability < 1.0:
+            return -math.inf if probability <= 0.0 else math.inf
         if self.kind == "logistic":
             if self.slope <= 0.0:
                 return math.inf

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 
 from mapgraft.calibrate.labelled import Labels
 from mapgraft.calibrate.likeness import KOLMOGOROV, unlike
 from mapgraft.calibrate.scoring import UNFITTED, Score, single
 from mapgraft.calibrate.watching import Limit
-from mapgraft.decision import Rule
 
 
 def remarks(
-    labels: Labels, told: Sequence[str], by_name: Mapping[str, Rule], scores: Sequence[tuple[str, Score]]
+    labels: Labels, told: Sequence[str], known: Collection[str], scores: Sequence[tuple[str, Score]]
 ) -> list[str]:
-    """What there is to say of labels; ``told`` names the rules they are of, ``scores`` what their thresholds are set
-    on."""
+    """What there is to say of labels.
+
+    ``told`` names the rules they are of, ``known`` those that the table has, ``scores`` what thresholds are set on.
+    """
     counts, said = labels.counts, []
-    if unknown := [name for name in told if name not in by_name]:
+    if unknown := [name for name in told if name not in known]:
         said.append(f"labels of rules that the decision table does not have were left out: {', '.join(unknown)}")
     if counts["persons disagree"]:
         said.append(

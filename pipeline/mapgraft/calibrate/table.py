@@ -13,31 +13,25 @@ from ruamel.yaml import YAML
 from mapgraft import __version__
 from mapgraft.calibrate.acceptance import Threshold
 from mapgraft.calibrate.fitting import Calibration, Fit, RuleFit
-from mapgraft.calibrate.scoring import Score
+from mapgraft.calibrate.rules import has_vetoes, plain, rules_of
 from mapgraft.calibrate.transfer import SAID_OF
 from mapgraft.calibrate.watching import Limit
-from mapgraft.decision import Rule
 from mapgraft.pages import readable
 
 _WIDTH = 118
-_OWN_NUMBERS = ("score", "margin", "evidence")  # what a match tells of itself; all others are metrics
 
 
 def rules_text(calibration: Calibration) -> str:
     """The decision table as YAML: a configuration with nothing but ``rules``."""
     lines = [*comment(_head(calibration)), "", "rules:"]
-    for rule_fit in calibration.rules:
-        for fit in written(rule_fit):
-            lines += ["", *comment(told(fit, rule_fit), "  "), *spelt(_rule(rule_fit, fit))]
-    for rule in calibration.others:
-        said = "No labels tell of this rule: it is as it was, and nothing is promised of it."
-        lines += ["", *comment([] if rule.reject else [said], "  "), *spelt(plain(rule))]
+    for one in calibration.table:
+        if isinstance(one, RuleFit):
+            for fit, rule in rules_of(one):
+                lines += ["", *comment(told(fit, one), "  "), *spelt(plain(rule))]
+        else:
+            said = f"It is as it was, and nothing is promised of it: {one.why}."
+            lines += ["", *comment([] if one.rule.reject is not None else [said], "  "), *spelt(plain(one.rule))]
     return "\n".join(lines) + "\n"
-
-
-def written(rule_fit: RuleFit) -> list[Fit]:
-    """The groups that get a rule of their own, in the order in which they are looked at; the last takes all others."""
-    return [fit for fit in rule_fit.fits if fit.accept.own or not fit.group.resolutions]
 
 
 def _head(calibration: Calibration) -> Iterator[str]:
@@ -61,18 +55,19 @@ def _head(calibration: Calibration) -> Iterator[str]:
 
 def told(fit: Fit, rule_fit: RuleFit) -> list[str]:
     """What labels say of one group, in sentences."""
-    said = [_of_threshold(fit.accept)]
+    said, rule = [_of_threshold(fit.accept)], rule_fit.given.rule_for(fit.group)
     if math.isfinite(fit.accept.value):
         said.append(f"Of the labels here, accepted: wrong {fit.wrong.text}, right {fit.right.text}.")
-    verify = rule_fit.rule.verify
-    if fit.revert is not None and fit.confirm is not None:
+        if has_vetoes(rule):
+            said.append("Vetoes of the rule stay, so that fewer may be merged.")
+    if fit.revert is not None:
         said.append(_of_revert(fit.revert, prior_reverts=fit.prior_reverts))
-        said.append(_of_confirm(fit.confirm))
-    elif verify is not None and fit.kept is not None:
+        said.append("Never confirms: the rule does not." if fit.confirm is None else _of_confirm(fit.confirm))
+    elif rule.verify is not None and fit.kept is not None:
         reverted, confirmed = (rate.text for rate in fit.kept)
         said.append(
-            f"Its verifier {verify.use!r} keeps the limits it had, of which nothing is promised: of the merges that "
-            f"were read, right and reverted {reverted}, wrong and confirmed {confirmed}."
+            f"Its verifier {rule.verify.use!r} keeps the limits it had, of which nothing is promised: of the merges "
+            f"that were read, right and reverted {reverted}, wrong and confirmed {confirmed}."
         )
     return said
 
@@ -84,6 +79,8 @@ def _of_threshold(limit: Threshold) -> str:
             f"Accepts nothing: {asked} cannot be promised from {limit.wrong} wrong hypotheses, "
             f"{limit.missing} more are needed."
         )
+    if not math.isfinite(limit.value):
+        return f"Accepts nothing: {limit.refusal}."
     whose = f"{limit.wrong} wrong hypotheses"
     by = ", ".join(f"{cell.environment} {cell.wrong}" for cell in limit.cells)
     said = f"Accepts above {limit.value:.4f}: at most {asked} of wrong hypotheses, by {whose} ({by})"
@@ -115,68 +112,6 @@ def _whose(limit: Limit) -> str:
 
 def _gain(limit: Limit) -> str:
     return "none to count" if limit.gain is None else limit.gain.text
-
-
-def _rule(rule_fit: RuleFit, fit: Fit) -> dict[str, Any]:
-    """A rule of the table for one group."""
-    base = plain(rule_fit.rule)
-    base["name"] = fit.group.rule_name(rule_fit.rule.name)
-    base["when"] = {**base.get("when", {}), **fit.group.conditions}
-    base["accept"] = _accept(rule_fit, fit.accept)
-    base["verify"] = {**base["verify"], **_verify(fit)}
-    base["candidates"] = 1
-    return base
-
-
-def _accept(rule_fit: RuleFit, limit: Threshold) -> dict[str, Any]:
-    accept: dict[str, Any] = {"use": "calibrated", "score": parameters(rule_fit.score)}
-    if rule_fit.score.intercept:
-        accept["intercept"] = rule_fit.score.intercept
-    if math.isfinite(limit.value):
-        accept["accept_above"] = limit.value
-        even = rule_fit.quality.curve.reaches(0.5)
-        if even < limit.value:
-            accept["ambiguous_above"] = float(f"{even:.4g}") if even > -1e6 else -1e6
-    return {**accept, "metrics": _metrics(rule_fit)}
-
-
-def parameters(score: Score) -> dict[str, Any]:
-    """A score as the acceptor takes it."""
-    return {term.number: term.parameters for term in score.terms}
-
-
-def _metrics(rule_fit: RuleFit) -> dict[str, Any]:
-    """What is measured: what the score needs, and the vetoes of an acceptor that goes by a probability."""
-    base = rule_fit.rule.accept
-    metrics: dict[str, Any] = {}
-    for term in rule_fit.score.terms:
-        head = term.number.partition(".")[0]
-        if head not in _OWN_NUMBERS:
-            metrics[head] = {}
-    if base is not None and base.use in ("posterior", "calibrated") and isinstance(base.metrics, dict):
-        metrics |= {name: dict(limits) for name, limits in base.metrics.items() if limits}
-    return metrics
-
-
-def _verify(fit: Fit) -> dict[str, Any]:
-    changed: dict[str, Any] = {}
-    if fit.revert is None or fit.confirm is None:
-        return changed
-    if fit.revert.value is not None:
-        changed["revert_at"] = fit.revert.value
-        if not fit.prior_reverts:
-            changed["revert_below"] = 0.0
-    if fit.confirm.value is None:
-        return {**changed, "confirm": False}
-    return {**changed, "confirm_at": fit.confirm.value}
-
-
-def plain(rule: Rule) -> dict[str, Any]:
-    """A rule as a mapping, without what is as it is by default."""
-    given: dict[str, Any] = rule.model_dump(exclude_defaults=True)
-    if "reverse" in given:
-        given["reverse"] = {"allow": list(rule.reverse.allow)}
-    return given
 
 
 def spelt(rule: Mapping[str, Any]) -> list[str]:

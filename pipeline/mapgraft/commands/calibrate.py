@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -17,7 +17,8 @@ from mapgraft.calibrate.fitting import Asked, Calibration, Fit, RuleFit, calibra
 from mapgraft.calibrate.labelled import read_labels
 from mapgraft.calibrate.others import LeftOut
 from mapgraft.calibrate.page import page_of
-from mapgraft.calibrate.table import rules_text, written
+from mapgraft.calibrate.rules import written
+from mapgraft.calibrate.table import rules_text
 from mapgraft.calibrate.transfer import SAID_OF, Target
 from mapgraft.commands.unread import tell_unread
 from mapgraft.config import Config
@@ -76,9 +77,12 @@ def calibrate_and_show(
     a run, or cannot be written.
     """
     checked = as_config(config)
-    table = [record.rule for record in build_table(load_plugins(without), rules or checked.rules).records]
+    records = build_table(load_plugins(without), rules or checked.rules).records
+    table = [record.rule for record in records if record.lacking is None]
+    lacking = [f"the rule {one.rule.name!r} is left out, {one.lacking}" for one in records if one.lacking is not None]
     if collecting is not None:
         _collect(collecting, table, datasets)
+        _remark(lacking)
         return
     if not datasets or out is None:
         raise UsageError("name labelled examples and a folder to write to: mapgraft calibrate DATASET… -o OUT")
@@ -88,7 +92,8 @@ def calibrate_and_show(
     tell_unread([*datasets, *meant])
     labels = read_labels(datasets, without=without_building, held_back=held_back)
     used_on = read_labels(meant, held_back=True) if meant else None
-    calibration = calibrate(labels, table, asked, used_on)
+    found = calibrate(labels, table, asked, used_on)
+    calibration = replace(found, remarks=[*lacking, *found.remarks])
     content = document(calibration)
     text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     texts = {RULES: rules_text(calibration), DOCUMENT: text, PAGE: page_of(calibration)}
@@ -98,9 +103,13 @@ def calibrate_and_show(
     if as_json:
         print_json(content)
         return
-    for sentence in calibration.remarks:
-        remarks().print(cell(sentence), style="yellow")
+    _remark(calibration.remarks)
     show(calibration, out)
+
+
+def _remark(sentences: Sequence[str]) -> None:
+    for sentence in sentences:
+        remarks().print(cell(sentence), style="yellow")
 
 
 def _collect(path: Path, rules: Sequence[Rule], datasets: Sequence[Path]) -> None:
@@ -132,9 +141,9 @@ def show(calibration: Calibration, out: Path) -> None:
     for rule_fit in calibration.rules:
         _show_rule(rule_fit)
     if calibration.others:
-        names = ", ".join(rule.name for rule in calibration.others if rule.reject is None)
+        names = ", ".join(one.rule.name for one in calibration.others)
         results().print()
-        results().print(cell(f"as they were, without labels and promises: {names}"), style="dim")
+        results().print(cell(f"as they were, without promises: {names}"), style="dim")
     results().print(cell(f"written: {out / RULES}, {DOCUMENT}, {PAGE}"))
 
 
@@ -179,7 +188,7 @@ def row(fit: Fit) -> list[str]:
             limits.append(f"{limit.value:.3f}")
     return [
         fit.group.name,
-        f"{accept.value:.3f}" if takes else f"nothing: {accept.missing} labels missing",
+        f"{accept.value:.3f}" if takes else f"nothing: {accept.refusal}",
         fit.wrong.text if takes else "-",
         fit.right.text if takes else "-",
         *limits,
