@@ -74,7 +74,14 @@ def invoke(arguments: list[str]) -> int:
     except Exception as error:
         if debug:
             raise
-        return _fail(f"internal error, {type(error).__name__}: {error}; run again with --debug to see where", 1)
+        return _fail(_unforeseen(error), 1)
+
+
+def _unforeseen(error: Exception) -> str:
+    """What nobody has asked for: any question about a path may meet a folder that this user may not enter."""
+    if isinstance(error, PermissionError) and error.filename:
+        return f"{error.filename} is closed to this user: check the permissions of it and of its folders"
+    return f"internal error, {type(error).__name__}: {error}; run again with --debug to see where"
 
 
 def _ended(code: int, arguments: list[str]) -> int:

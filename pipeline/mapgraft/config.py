@@ -421,11 +421,19 @@ def _anchored(config: Config, folder: Path) -> Config:
 
 
 def _anchored_robot(robot: RobotConfig, folder: Path) -> RobotConfig:
-    files = [str(folder / name) if (folder / name).exists() else name for name in robot.files]
+    files = [str(folder / name) if _is_there(folder / name) else name for name in robot.files]
     poses = robot.poses
     if poses.file is not None:
         poses = poses.model_copy(update={"file": folder / poses.file})
     return robot.model_copy(update={"files": files, "poses": poses})
+
+
+def _is_there(path: Path) -> bool:
+    """Whether there is such a file; behind doors that are closed to this user it may be: who opens it will say so."""
+    try:
+        return path.exists()
+    except PermissionError:
+        return True
 
 
 def path_of(location: tuple[int | str, ...]) -> str:

@@ -12,6 +12,7 @@ from mapgraft.config import Config, RobotConfig
 from mapgraft.contracts import ConfigError, RecordingError
 from mapgraft.contracts.sources import Fault
 from mapgraft.recording.naming import real_path, stem, told_apart
+from mapgraft.recording.reach import is_there, require_readable
 from mapgraft.recording.robots.agreement import brought_together
 from mapgraft.recording.robots.discovery import FoundRobot, discover
 from mapgraft.recording.robots.glimpse import Glimpse
@@ -98,6 +99,7 @@ def further_files(paths: Sequence[Path], config: Config) -> list[Path]:
     for name, robot in config.robots.items():
         for pattern in robot.files:
             if not any(matches(path, pattern) for path in (*paths, *further)):
+                require_readable(Path(pattern))
                 if not Path(pattern).exists():
                     known = ", ".join(path.name for path in paths) or "none"
                     raise ConfigError(f"robots.{name}.files: there is no file {pattern!r}: the mission has {known}")
@@ -130,7 +132,7 @@ def matches(path: Path, pattern: str) -> bool:
         pattern in (str(path), path.name, stem(path))
         or fnmatch(path.name, pattern)
         or fnmatch(str(path), pattern)
-        or (path.exists() and Path(pattern).exists() and real_path(path) == real_path(Path(pattern)))
+        or (is_there(path) and is_there(Path(pattern)) and real_path(path) == real_path(Path(pattern)))
     )
 
 
