@@ -148,6 +148,28 @@ def test_verdicts_on_what_is_not_there(demo_out, tmp_path, capsys):
     assert "has no merge 'a.b.1': it made alpha." in text
 
 
+def test_what_a_run_wrote_is_no_recording(demo_out, tmp_path, capsys):
+    import shutil
+
+    see = f"is what mapgraft run wrote: see {demo_out}/report.html, or give the recordings that it was made from"
+    for path in (demo_out, demo_out / "alpha.merge.mcap"):
+        for command in (["info"], ["run", "-o", str(tmp_path / "out")]):
+            assert wrong(capsys, *command, str(path), str(demo_files()[0][0])) == (1, f"mapgraft: {path} {see}\n")
+    renamed = Path(shutil.copy(demo_out / "alpha.merge.mcap", tmp_path / "renamed.mcap"))
+    assert (
+        "renamed.mcap is what mapgraft run wrote: 'mapgraft report' shows it" in wrong(capsys, "info", str(renamed))[1]
+    )
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_start_beyond_the_recording_is_told_with_its_length_and_touches_nothing(tmp_path, capsys):
+    alpha, out = str(demo_files()[0][0]), tmp_path / "out"
+    code, text = wrong(capsys, "run", alpha, "--start", "500", "-o", str(out))
+    assert code == 1
+    assert "outside the start and end asked for (500 s to the end): the recording lasts 239.0 s" in text
+    assert not out.exists()
+
+
 def test_a_map_file_that_is_probably_not_meant_so_is_told_by_run(tmp_path, capsys):
     (tmp_path / "plan.pgm").write_bytes(b"P5\n40 40\n255\n" + bytes([205, 0, 254, 254]) * 400)
     (tmp_path / "plan.yaml").write_text(

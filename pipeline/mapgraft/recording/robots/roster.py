@@ -19,6 +19,7 @@ from mapgraft.recording.robots.glimpse import Glimpse
 from mapgraft.recording.robots.library import Library
 from mapgraft.recording.robots.lives import lives_of
 from mapgraft.recording.robots.plan import RobotPlan, Unmappable, plan_robot
+from mapgraft.recording.robots.written import refuse_run, refuse_written
 
 _SHOWN = 12
 
@@ -52,8 +53,8 @@ def call_roll(paths: Sequence[Path], config: Config, library: Library) -> Roster
     """Find the robots in the files and in the configuration.
 
     A recording that cannot be opened is left out beside others that can. Raises RecordingError when none can, when a
-    file is no recording at all, when a configured robot cannot be mapped or its files not be read, or when there are
-    more robots than the limits allow, ConfigError when the configuration speaks of what is not there.
+    file is no recording at all or written by a run, when a configured robot cannot be mapped or its files not be read,
+    or when there are more robots than the limits allow, ConfigError when the configuration speaks of what is not there.
     """
     for path, times in Counter(real_path(path) for path in paths).items():
         if times > 1:
@@ -80,6 +81,7 @@ def _looked_into(
     unread: list[tuple[str, Fault]] = []
     wanted = [pattern for robot in config.robots.values() for pattern in robot.files]
     for path in paths:
+        refuse_run(path)
         try:
             glimpses.append(library.look(path))
         except RecordingError as error:
@@ -88,6 +90,8 @@ def _looked_into(
             errors.append(error)
             why = str(error).replace(str(path), path.name)
             unread.append((path.name, Fault("unreadable", "", 1, f"{why}: it is left out")))
+    for glimpse in glimpses:
+        refuse_written(glimpse.source)
     if errors and not glimpses:
         raise errors[0] if len(errors) == 1 else RecordingError("; ".join(map(str, errors)))
     return glimpses, unread
