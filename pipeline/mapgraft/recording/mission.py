@@ -120,6 +120,11 @@ class Mission:
         return max((plan.range.last_ns + self._shifts[plan.name] for plan in self._plans), default=0)
 
     @property
+    def asked_s(self) -> tuple[float | None, float | None]:
+        """The start and the end that the configuration asks for, in seconds after the first stamp."""
+        return self._config.start_s, self._config.end_s
+
+    @property
     def shifts(self) -> Mapping[str, int]:
         """By how much each robot's stamps are moved to bring all to a common start, in nanoseconds."""
         return self._shifts
@@ -290,8 +295,18 @@ def open_mission(
 
 def nothing_to_map(mission: Mission) -> str:
     """A sentence on why a mission gave no observation at all, after ``observations()`` came to its end."""
-    reasons = "; ".join(mission.tally.sentences()) or "all of them lie outside the start and end asked for"
+    reasons = "; ".join(mission.tally.sentences()) or f"all of them lie outside {_wanted(mission)}"
     return f"nothing to map: no scan or map of {', '.join(r.name for r in mission.robots)} could be used: {reasons}"
+
+
+def _wanted(mission: Mission) -> str:
+    """What part of the mission was asked for, and how long there would be something."""
+    start_s, end_s = mission.asked_s
+    if start_s is None and end_s is None:
+        return "the robots' windows"
+    asked = f"{start_s or 0.0:g} s to {'the end' if end_s is None else f'{end_s:g} s'}"
+    lasts_s = (mission.end_ns - mission.start_ns) / S
+    return f"the start and end asked for ({asked}): the recording lasts {lasts_s:.1f} s"
 
 
 def nothing_found(roster: Roster) -> str:
