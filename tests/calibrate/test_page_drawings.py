@@ -29,7 +29,7 @@ def drawing(
         scales = [0.025 * (n + 1) for n in range(groups)]
         counts = [200] * (groups - 1) + [12]
         some = [made("a", count, n, of=group(0.05, m)) for n, (count, m) in enumerate(zip(counts, scales, strict=True))]
-        folder, out = write_folder("a", sum(some, [])), tmp_path / "out"
+        folder, out = write_folder("a", [example for examples in some for example in examples]), tmp_path / "out"
         assert invoke(["calibrate", str(folder), "-o", str(out), "--false-accept", "0.02"]) == 0
         page = (out / "report.html").read_text("utf-8")
         return page[page.index("<h3>Thresholds by resolution") :].partition("</figure>")[0]

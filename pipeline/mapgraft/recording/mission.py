@@ -14,6 +14,7 @@ from mapgraft.config import Config
 from mapgraft.contracts import Observation, RecordingError, Signal, Transform
 from mapgraft.contracts.sources import Fault, ReadFaults
 from mapgraft.correction import Correction
+from mapgraft.errors import NothingToMapError
 from mapgraft.guard import Guard
 from mapgraft.plugins import Plugins
 from mapgraft.recording.containers.octets import Octets
@@ -277,16 +278,16 @@ def open_mission(
     """Find the robots in some files and make them one mission.
 
     ``plugins`` add readers, decoders and map formats. ``octets`` holds the bytes of MCAP files that are not on this
-    machine, by the path that stands for each. Raises RecordingError when a file cannot be read or there is
-    nothing to map, ConfigError when the configuration speaks of what is not there, TransformError and PluginError from
-    what plugins read.
+    machine, by the path that stands for each. Raises RecordingError when a file cannot be read, NothingToMapError when
+    there is nothing to map, ConfigError when the configuration speaks of what is not there, TransformError and
+    PluginError from what plugins read.
     """
     library = Library(plugins, config.mission.typestore, config.limits, octets=octets)
     try:
         with library.guard.armed():
             roster = call_roll(paths, config, library)
         if not roster.plans and not roster.map_files:
-            raise RecordingError(nothing_found(roster))
+            raise NothingToMapError(nothing_found(roster))
         return Mission(roster, library, config)
     except BaseException:
         library.close()
