@@ -183,6 +183,17 @@ def test_a_map_file_that_is_probably_not_meant_so_is_told_by_run(tmp_path, capsy
     assert "unknown_gray: 205" in " ".join(out.split())
 
 
+def test_a_bare_image_is_told_what_run_and_info_take(tmp_path, capsys):
+    (tmp_path / "hall.pgm").write_bytes(b"P5\n40 40\n255\n" + bytes([205, 0, 254, 254]) * 400)
+    config = tmp_path / "c.yaml"
+    for command in (["info"], ["run", "-o", str(tmp_path / "out")]):
+        code, text = wrong(capsys, *command, str(tmp_path / "hall.pgm"))
+        assert code == 2
+        assert "--resolution" not in text
+        config.write_text(text[text.index("robots: ") :])
+        assert said(capsys, *command, str(tmp_path / "hall.pgm"), "-c", str(config))[0] == 0
+
+
 def test_one_path_is_a_recording_for_python_too():
     one = demo_files()[0][0]
     config = {"mission": {"end_s": 3}}
@@ -238,7 +249,11 @@ def test_convert(tmp_path, capsys):
     ("arguments", "code", "sentence"),
     [
         (["frobnicate"], 2, "No such command 'frobnicate'"),
-        (["run", "--frobnicate"], 2, "No such option"),
+        (["frob"], 2, "No such command 'frob'. Did you mean 'forbid'? 'mapgraft --help' shows what there is"),
+        (["run", "--zzz"], 2, "No such option: --zzz; 'mapgraft run --help' shows what there is"),
+        (["run", "--ot", "x"], 2, "No such option: --ot. Did you mean '--out'? 'mapgraft run --help' shows"),
+        (["info", "--config"], 2, "'--config' requires an argument; 'mapgraft info --help' shows"),
+        (["plugins", "show", "--jsn"], 2, "Did you mean '--json'? 'mapgraft plugins show --help' shows"),
         (["run", "--every", "x"], 2, "--every"),
         (["run", "/there/is/no.mcap"], 1, "/there/is/no.mcap does not exist"),
         (["run", str(demo_files()[0][0]), str(demo_files()[0][0])], 1, "is given 2 times: name every file once"),

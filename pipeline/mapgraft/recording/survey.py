@@ -153,9 +153,10 @@ def _smear(source: RobotSource, path_m: float, measured: Disagreement | None) ->
         return f"{text} (over {path_m:.0f} m of path; nothing to measure it against)"
     if measured is None:
         return text
+    pieces = f"{measured.segments} piece{'s' * (measured.segments != 1)}"
     return (
         f"{text}; its raw odometry would drift from them by {measured.median_m:.2f} m and {measured.median_deg:.1f}° "
-        f"per 10 m of path (median of {measured.segments} piece{'s' * (measured.segments != 1)}; worst {measured.worst_m:.2f} m, "
+        f"per 10 m of path (median of {pieces}; worst {measured.worst_m:.2f} m, "
         f"{measured.worst_deg:.1f}°)"
     )
 
