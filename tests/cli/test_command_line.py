@@ -290,6 +290,9 @@ def test_config_faults_all_at_once(tmp_path, capsys):
     code, text = wrong(capsys, "run", "-c", str(config), "-o", str(tmp_path / "out"))
     assert code == 2
     assert "robots.alpha.map: " in text
+    config.write_text("exchange: {us: every, seconds: 3}\n")
+    text = wrong(capsys, "info", "-c", str(config))[1]
+    assert "exchange.use: Field required, found 'us': check the spelling" in text  # other keys may be parameters
     config.write_text("robots: {alpha: {map: {type: cubes}}}\n")
     assert (
         "there is no map type called 'cubes'" in wrong(capsys, "run", "-c", str(config), "-o", str(tmp_path / "out"))[1]
