@@ -48,6 +48,13 @@ def test_help_and_version(capsys):
     assert said(capsys, "--version")[1].startswith("mapgraft 0.")
 
 
+def test_help_of_run_tells_what_is_written_unasked(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    help_ = said(capsys, "run", "--help")[1]
+    assert "else what output.report says: yes" in help_
+    assert "else what output.examples says: yes" in help_
+
+
 def test_help_imports_nothing_heavy():
     code = "import sys; from mapgraft.cli import invoke; invoke(['--help']); print(sorted(sys.modules))"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

@@ -82,9 +82,16 @@ def run(
     verify_ledger: Annotated[
         bool, typer.Option("--verify-ledger", help="Recompute every layer and map at the end, and compare.")
     ] = False,
-    report: Annotated[bool | None, typer.Option("--report/--no-report", help="Write report.html, too.")] = None,
+    report: Annotated[
+        bool | None,
+        typer.Option("--report/--no-report", help="Write report.html, too; else what output.report says: yes."),
+    ] = None,
     examples: Annotated[
-        bool | None, typer.Option("--examples/--no-examples", help="Write every attempt with its pictures, too.")
+        bool | None,
+        typer.Option(
+            "--examples/--no-examples",
+            help="Write every attempt with its pictures, too; else what output.examples says: yes.",
+        ),
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
     json: Json = False,
