@@ -15,7 +15,7 @@ from mapgraft.errors import MapgraftError
 from mapgraft.interruption import interrupt
 
 # The class of all faults on a command line; typer has kept it in different places.
-USAGE_FAULT = cast("type[Exception]", typer.BadParameter.__mro__[1])
+USAGE_FAULT = cast("type[typer.BadParameter]", typer.BadParameter.__mro__[1])
 SIGNALLED = 128  # plus its number is what a shell expects of a program that a signal ended
 INTERRUPTED = SIGNALLED + signal.SIGINT
 ENDING = (signal.SIGTERM, signal.SIGHUP)  # what a system that shuts down, or a terminal that is closed, sends
@@ -63,7 +63,7 @@ def invoke(arguments: list[str]) -> int:
     except (KeyboardInterrupt, typer.Abort):
         return _ended(INTERRUPTED, arguments)
     except USAGE_FAULT as error:
-        return _usage(error)
+        return _usage(error, arguments)
     except MapgraftError as error:
         if debug:
             raise
@@ -74,22 +74,37 @@ def invoke(arguments: list[str]) -> int:
     except Exception as error:
         if debug:
             raise
-        return _fail(f"internal error, {type(error).__name__}: {error}; run again with --debug to see where", 1)
+        return _fail(_unforeseen(error), 1)
+
+
+def _unforeseen(error: Exception) -> str:
+    """What nobody has asked for: any question about a path may meet a folder that this user may not enter."""
+    if isinstance(error, PermissionError) and error.filename:
+        return f"{error.filename} is closed to this user: check the permissions of it and of its folders"
+    return f"internal error, {type(error).__name__}: {error}; run again with --debug to see where"
 
 
 def _ended(code: int, arguments: list[str]) -> int:
     if code != INTERRUPTED:
         return code
-    command = next((word for word in arguments if not word.startswith("-")), "")
-    left = LEFT.get(command, "nothing was written")
+    left = LEFT.get(_command(arguments), "nothing was written")
     if _received:
         return _fail(f"ended by {_received[0].name}; {left}", SIGNALLED + _received[0])
     return _fail(f"interrupted; {left}", code)
 
 
-def _usage(fault: Exception) -> int:
-    sentence = (fault.format_message() if isinstance(fault, typer.BadParameter) else str(fault)).rstrip(".")
-    return _fail(f"{sentence}; 'mapgraft --help' shows what there is", 2) if sentence else 2  # help was shown
+def _command(arguments: list[str]) -> str:
+    return next((word for word in arguments if not word.startswith("-")), "")
+
+
+def _usage(fault: typer.BadParameter, arguments: list[str]) -> int:
+    """What is wrong, the nearest there is, and whose help shows what there is."""
+    near: list[str] = getattr(fault, "possibilities", None) or []  # of an option that there is not, the nearest first
+    sentence = f"{fault}. Did you mean '{near[0]}'?" if near else fault.format_message().rstrip(".")
+    if not sentence:
+        return 2  # help was shown
+    path = f"mapgraft {_command(arguments)}" if fault.ctx is None else fault.ctx.command_path
+    return _fail(f"{sentence}{' ' if sentence.endswith('?') else '; '}'{path} --help' shows what there is", 2)
 
 
 def _fail(sentence: str, code: int) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import reprlib
 from collections.abc import Mapping
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -17,6 +18,7 @@ ClockName = Literal["auto", "header", "log"]
 ReversalName = Literal["ledger", "single_map", "multi_map"]
 TURN_RAD = 2.0 * math.pi
 Seconds = Annotated[float, Field(allow_inf_nan=False)]
+_MOST_KEYS = 6  # of those beside one that is missing
 
 
 class Section(BaseModel):
@@ -421,11 +423,19 @@ def _anchored(config: Config, folder: Path) -> Config:
 
 
 def _anchored_robot(robot: RobotConfig, folder: Path) -> RobotConfig:
-    files = [str(folder / name) if (folder / name).exists() else name for name in robot.files]
+    files = [str(folder / name) if _is_there(folder / name) else name for name in robot.files]
     poses = robot.poses
     if poses.file is not None:
         poses = poses.model_copy(update={"file": folder / poses.file})
     return robot.model_copy(update={"files": files, "poses": poses})
+
+
+def _is_there(path: Path) -> bool:
+    """Whether there is such a file; behind doors that are closed to this user it may be: who opens it will say so."""
+    try:
+        return path.exists()
+    except PermissionError:
+        return True
 
 
 def path_of(location: tuple[int | str, ...]) -> str:
@@ -437,8 +447,17 @@ def text_of(fault: Mapping[str, Any]) -> str:
     """What a fault of pydantic's is, in a sentence for a person."""
     if fault["type"] == "extra_forbidden":
         return "there is no such key; check the spelling"
+    if fault["type"] == "missing" and isinstance(fault["input"], Mapping):
+        return _missing(str(fault["loc"][-1]), [str(key) for key in fault["input"]])
     text = str(fault["msg"]).removeprefix("Value error, ")
     return f"{text}, found {_shown(fault['input'])}" if not isinstance(fault["input"], dict | list) else text
+
+
+def _missing(key: str, beside: list[str]) -> str:
+    """A key that must be there, and what is there: beside it any other may be a plugin's parameter, or be misspelt."""
+    meant = get_close_matches(key, beside, 1)
+    found = ", ".join(map(_shown, meant or beside[:_MOST_KEYS]))
+    return "Field required" + (f", found {found}" if found else "") + (": check the spelling" if meant else "")
 
 
 def _shown(value: object) -> str:

@@ -5,6 +5,7 @@ MapgraftError                  exit code 1; one sentence: what, what was found, 
 │   ├── ConfigError            the configuration does not fit its schema (all faults at once)
 │   └── DecisionTableError     the decision table does not fit its schema
 ├── RecordingError             a file cannot be read as a recording, or holds nothing to map
+│   └── NothingToMapError      the files can be read, and no robot in them can be mapped
 ├── PluginError                a plugin is missing, broken, or broke its contract
 │   ├── FailedPluginError      one plugin failed while the run was under way; the run goes on without it
 │   └── SetAsideError          a plugin failed so often before, or took so long, that it was not asked this time
@@ -41,6 +42,10 @@ class DecisionTableError(UsageError):
 
 class RecordingError(MapgraftError):
     """A file cannot be read as a recording, or holds nothing to map."""
+
+
+class NothingToMapError(RecordingError):
+    """The files can be read, and no robot in them can be mapped."""
 
 
 class PluginError(MapgraftError):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import platform
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
@@ -31,7 +31,7 @@ from mapgraft.outputs.provenance import InputFile, RunProvenance, run_id_of
 from mapgraft.outputs.run_output import OpenOutput, RunOutput
 from mapgraft.plugins import Plugins, load_plugins
 from mapgraft.remember import MISSION_FILE, essence_text, inputs_of, remembered_text
-from mapgraft.replay import replay
+from mapgraft.replay import Entry, begun, replay
 from mapgraft.robot import Robot
 from mapgraft.stand_ins import NONE, StandIns
 from mapgraft.stopwatch import Stopwatch
@@ -157,7 +157,8 @@ def run(
             table = build_table(plugins, checked.rules)
             provenance, run_id = identify(paths, checked, plugins, table, stand_ins.known)
             fan = Fan(list(sinks))
-            assembly = assemble(mission, checked, plugins, table, fan)  # before the folder is touched: it may refuse
+            assembly = assemble(mission, checked, plugins, table, fan)
+        timeline = _begun(mission, watch)  # before the folder is touched: all this may refuse
         folder = collector = None
         if out is not None:
             folder = _output(out, checked, assembly.exchange.guard)(stem(paths[0]), run_id, provenance)
@@ -171,7 +172,7 @@ def run(
             folder.keep(MISSION_FILE, remembered_text(paths, checked).encode())
         if opened is not None:
             opened(*_span_of(mission, checked))
-        count = _replayed(mission, assembly, fan, watch)
+        count = _replayed(timeline, assembly, fan, watch)
         if collector is not None:
             collector.finish()
         if folder is not None:
@@ -253,22 +254,26 @@ def _remarks(mission: Mission, assembly: Assembly) -> list[str]:
 def _span_of(mission: Mission, config: Config) -> tuple[int, int]:
     """The first and last stamp on the mission's timeline that the configuration lets through."""
     start_s, end_s = config.mission.start_s or 0.0, config.mission.end_s
-    start_ns = mission.start_ns + round(start_s * 1e9)
     end_ns = mission.end_ns if end_s is None else min(mission.end_ns, mission.start_ns + round(end_s * 1e9))
-    return start_ns, end_ns
+    return mission.start_ns + round(start_s * 1e9), end_ns
 
 
-def _replayed(mission: Mission, assembly: Assembly, sink: Sink, watch: Stopwatch) -> int:
-    """Replay a mission and time it; raises RecordingError when there was nothing to observe."""
+def _begun(mission: Mission, watch: Stopwatch) -> Iterator[Entry]:
+    """The timeline, read as far as its first observation; raises RecordingError when there is none."""
     from mapgraft.recording.mission import nothing_to_map
 
+    with watch.stage("replaying", 0):
+        if (timeline := begun(watch.waiting("reading", mission.timeline()))) is not None:
+            return timeline
+    raise RecordingError(nothing_to_map(mission))
+
+
+def _replayed(timeline: Iterator[Entry], assembly: Assembly, sink: Sink, watch: Stopwatch) -> int:
+    """Replay a mission and time it; raises RecordingError when no observation could be mapped."""
     assembly.exchange.watch = watch
     watch.add("exchanging", 0.0, 0)  # also where nobody meets
     with watch.stage("replaying", 0):
-        timeline = watch.waiting("reading", mission.timeline())
         count = replay(timeline, assembly.robots, assembly.exchange, sink)
-    if count == 0:
-        raise RecordingError(nothing_to_map(mission))
     if all(robot.left_out.count and not robot.reversal.version for robot in assembly.robots.values()):
         reasons = "; ".join(line for name, robot in assembly.robots.items() for line in robot.left_out.sentences(name))
         raise RecordingError(f"nothing was mapped: {reasons}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import permutations
+from itertools import chain, permutations
 
 from mapgraft.contracts import MapError, Meeting, Observation, Policy, Situation, Transform
 from mapgraft.correction import Correction
@@ -142,6 +142,16 @@ class Placements(Mapping[tuple[str, str], Transform]):
 
     def __len__(self) -> int:
         return sum(len(robot.merges) for robot in self._robots.values())
+
+
+def begun(timeline: Iterable[Entry]) -> Iterator[Entry] | None:
+    """The same entries, those up to the first observation read already; None where there is no observation."""
+    entries, before = iter(timeline), list[Entry]()
+    for entry in entries:
+        before.append(entry)
+        if isinstance(entry, Observation):
+            return chain(before, entries)
+    return None
 
 
 def replay(timeline: Iterable[Entry], robots: Mapping[str, Robot], exchange: Exchange, sink: Sink) -> int:

@@ -76,8 +76,8 @@ def _resolution(path: Path, given: float | None) -> float:
         beside = next((path.with_suffix(s) for s in (".yaml", ".yml") if path.with_suffix(s).is_file()), None)
         described = f", or name {beside.name}, which may describe it" if beside else ""
         raise ConfigError(
-            f"{path.name} is an image, which does not say how large its cells are: tell it with --resolution METRES, "
-            f"in a configuration as the option resolution_m{described}"
+            f"{path.name} is an image, which does not say how large its cells are: tell it in a configuration, "
+            f"robots: {{{path.stem}: {{options: {{resolution_m: 0.05}}}}}}{described}"
         )
     if isinstance(given, bool) or not isinstance(given, int | float) or not (math.isfinite(given) and given > 0):
         raise ConfigError(f"the resolution of {path.name} must be above 0 m per pixel, found {given!r}")

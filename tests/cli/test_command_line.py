@@ -48,6 +48,13 @@ def test_help_and_version(capsys):
     assert said(capsys, "--version")[1].startswith("mapgraft 0.")
 
 
+def test_help_of_run_tells_what_is_written_unasked(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    help_ = said(capsys, "run", "--help")[1]
+    assert "else what output.report says: yes" in help_
+    assert "else what output.examples says: yes" in help_
+
+
 def test_help_imports_nothing_heavy():
     code = "import sys; from mapgraft.cli import invoke; invoke(['--help']); print(sorted(sys.modules))"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
@@ -148,6 +155,28 @@ def test_verdicts_on_what_is_not_there(demo_out, tmp_path, capsys):
     assert "has no merge 'a.b.1': it made alpha." in text
 
 
+def test_what_a_run_wrote_is_no_recording(demo_out, tmp_path, capsys):
+    import shutil
+
+    see = f"is what mapgraft run wrote: see {demo_out}/report.html, or give the recordings that it was made from"
+    for path in (demo_out, demo_out / "alpha.merge.mcap"):
+        for command in (["info"], ["run", "-o", str(tmp_path / "out")]):
+            assert wrong(capsys, *command, str(path), str(demo_files()[0][0])) == (1, f"mapgraft: {path} {see}\n")
+    renamed = Path(shutil.copy(demo_out / "alpha.merge.mcap", tmp_path / "renamed.mcap"))
+    assert (
+        "renamed.mcap is what mapgraft run wrote: 'mapgraft report' shows it" in wrong(capsys, "info", str(renamed))[1]
+    )
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_start_beyond_the_recording_is_told_with_its_length_and_touches_nothing(tmp_path, capsys):
+    alpha, out = str(demo_files()[0][0]), tmp_path / "out"
+    code, text = wrong(capsys, "run", alpha, "--start", "500", "-o", str(out))
+    assert code == 1
+    assert "outside the start and end asked for (500 s to the end): the recording lasts 239.0 s" in text
+    assert not out.exists()
+
+
 def test_a_map_file_that_is_probably_not_meant_so_is_told_by_run(tmp_path, capsys):
     (tmp_path / "plan.pgm").write_bytes(b"P5\n40 40\n255\n" + bytes([205, 0, 254, 254]) * 400)
     (tmp_path / "plan.yaml").write_text(
@@ -159,6 +188,17 @@ def test_a_map_file_that_is_probably_not_meant_so_is_told_by_run(tmp_path, capsy
     assert any(remark.startswith("plan: ") and "unknown_gray: 205" in remark for remark in json.loads(out)["remarks"])
     _, out, _ = said(capsys, "run", "-q", *files, "--end", "3", "-o", str(tmp_path / "out"))
     assert "unknown_gray: 205" in " ".join(out.split())
+
+
+def test_a_bare_image_is_told_what_run_and_info_take(tmp_path, capsys):
+    (tmp_path / "hall.pgm").write_bytes(b"P5\n40 40\n255\n" + bytes([205, 0, 254, 254]) * 400)
+    config = tmp_path / "c.yaml"
+    for command in (["info"], ["run", "-o", str(tmp_path / "out")]):
+        code, text = wrong(capsys, *command, str(tmp_path / "hall.pgm"))
+        assert code == 2
+        assert "--resolution" not in text
+        config.write_text(text[text.index("robots: ") :])
+        assert said(capsys, *command, str(tmp_path / "hall.pgm"), "-c", str(config))[0] == 0
 
 
 def test_one_path_is_a_recording_for_python_too():
@@ -216,7 +256,11 @@ def test_convert(tmp_path, capsys):
     ("arguments", "code", "sentence"),
     [
         (["frobnicate"], 2, "No such command 'frobnicate'"),
-        (["run", "--frobnicate"], 2, "No such option"),
+        (["frob"], 2, "No such command 'frob'. Did you mean 'forbid'? 'mapgraft --help' shows what there is"),
+        (["run", "--zzz"], 2, "No such option: --zzz; 'mapgraft run --help' shows what there is"),
+        (["run", "--ot", "x"], 2, "No such option: --ot. Did you mean '--out'? 'mapgraft run --help' shows"),
+        (["info", "--config"], 2, "'--config' requires an argument; 'mapgraft info --help' shows"),
+        (["plugins", "show", "--jsn"], 2, "Did you mean '--json'? 'mapgraft plugins show --help' shows"),
         (["run", "--every", "x"], 2, "--every"),
         (["run", "/there/is/no.mcap"], 1, "/there/is/no.mcap does not exist"),
         (["run", str(demo_files()[0][0]), str(demo_files()[0][0])], 1, "is given 2 times: name every file once"),
@@ -253,6 +297,9 @@ def test_config_faults_all_at_once(tmp_path, capsys):
     code, text = wrong(capsys, "run", "-c", str(config), "-o", str(tmp_path / "out"))
     assert code == 2
     assert "robots.alpha.map: " in text
+    config.write_text("exchange: {us: every, seconds: 3}\n")
+    text = wrong(capsys, "info", "-c", str(config))[1]
+    assert "exchange.use: Field required, found 'us': check the spelling" in text  # other keys may be parameters
     config.write_text("robots: {alpha: {map: {type: cubes}}}\n")
     assert (
         "there is no map type called 'cubes'" in wrong(capsys, "run", "-c", str(config), "-o", str(tmp_path / "out"))[1]

@@ -74,7 +74,7 @@ def test_what_is_probably_not_meant_is_warned_of(tmp_path: Path) -> None:
 
 def test_what_cannot_be_used_is_one_sentence(tmp_path: Path) -> None:
     good = saved(tmp_path, np.full((5, 5), 254, np.uint8))
-    with pytest.raises(ConfigError, match="--resolution METRES"):
+    with pytest.raises(ConfigError, match=r"robots: \{map: \{options: \{resolution_m: 0.05\}\}\}"):
         image_map.read(good)
     (tmp_path / "map.yaml").write_text("")
     with pytest.raises(ConfigError, match=r"name map\.yaml"):

@@ -161,7 +161,7 @@ def test_wrong_usage_and_unusable_files(said: Said, pair, save, tmp_path: Path) 
     wrong = save("colour.png", colour)
     for code, arguments, sentence in (
         (2, (a,), "two map files"),
-        (2, (a, b), "--resolution METRES"),
+        (2, (a, b), "{resolution_m: 0.05}}}; for this command --resolution METRES does, too"),
         (2, (a, b, "--resolution", 0), "above 0"),
         (2, (a, b, "--resolution", 0.05, "--unknown-gray", 300), "0 … 255"),
         (2, (a, b, "--resolution", 0.05, "--matcher", "carpine"), "did you mean 'carpin'"),

@@ -149,7 +149,7 @@ def test_files_that_are_no_maps_are_said(bench: Bench, save: Save, floor, tmp_pa
     (tmp_path / "log.txt").write_text("FLASER")
     with pytest.raises(MapError, match="mapgraft run"):
         shelf.read(tmp_path / "log.txt", {})
-    with pytest.raises(ConfigError, match="--resolution"):
+    with pytest.raises(ConfigError, match=r"resolution_m: 0\.05"):
         shelf.read(save("a.png", floor(0.1)), {})
 
 

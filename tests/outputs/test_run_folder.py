@@ -69,17 +69,19 @@ def test_the_same_run_gives_the_same_folder_and_replaces_itself(tmp_path: Path, 
     assert {n: c for n, c in first.items() if n not in clock} == {n: c for n, c in second.items() if n not in clock}
 
 
-def test_other_runs_and_labels_stay_and_yesterdays_maps_go(tmp_path: Path) -> None:
+def test_tables_of_other_runs_and_labels_stay_and_yesterdays_maps_and_recording_go(tmp_path: Path) -> None:
     with RunFolder(tmp_path, "demo", "r1", provenance()) as sink:
         tell(sink, told())
-    (tmp_path / "notes.txt").write_text("mine")
+    for mine in ("notes.txt", "mine.merge.mcap"):
+        (tmp_path / mine).write_text("mine")
     before = contents(tmp_path)
     alone = [item for item in told() if isinstance(item, Observation) and item.robot == AT]
     with RunFolder(tmp_path, "other", "r2", provenance()) as sink:
         tell(sink, alone)
     after = contents(tmp_path)
-    kept = {name for name in before if "run_id=r1" in name} | {MCAP, "notes.txt"}
+    kept = {name for name in before if "run_id=r1" in name} | {"notes.txt", "mine.merge.mcap"}
     assert {name: after[name] for name in kept} == {name: before[name] for name in kept}
+    assert MCAP not in after and "other.merge.mcap" in after
     assert not {f"maps/{ALPHA}.json", f"maps/{ALPHA}.merged.json", f"trajectories/{ALPHA}.tum"} & after.keys()
     assert f"trajectories/{AT}.tum" in after
 

@@ -116,6 +116,8 @@ def test_folders_without_a_run_are_told_apart(folder: Path, tmp_path: Path, caps
         return capsys.readouterr().err
 
     assert "there is no folder" in said(tmp_path / "nothing")
+    (tmp_path / "a.txt").touch()
+    assert "a.txt is a file: give the folder that mapgraft run wrote" in said(tmp_path / "a.txt")
     (tmp_path / "empty").mkdir()
     assert "is not the folder of a run: it has no summary.json" in said(tmp_path / "empty")
     (tmp_path / "empty" / "demo.merge.mcap.partial").touch()

@@ -23,8 +23,10 @@ app.add_typer(experiment_app, name="experiment")
 labels_app = typer.Typer(no_args_is_help=True, help="What people say of merges: out to a CSV file and in again.")
 app.add_typer(labels_app, name="labels")
 
+# Whether a recording may be read is for whoever opens it to say: that is no wrong usage.
 Files = Annotated[
-    list[Path] | None, typer.Argument(help="Recordings: MCAP, ROS 1 bag, ROS 2 bag, CARMEN log, map.yaml.")
+    list[Path] | None,
+    typer.Argument(readable=False, help="Recordings: MCAP, ROS 1 bag, ROS 2 bag, CARMEN log, map.yaml."),
 ]
 ConfigFile = Annotated[Path | None, typer.Option("--config", "-c", help="Configuration, YAML or TOML.")]
 NoPlugin = Annotated[list[str] | None, typer.Option("--no-plugin", help="Leave a plugin out, by its entry point.")]
@@ -80,9 +82,16 @@ def run(
     verify_ledger: Annotated[
         bool, typer.Option("--verify-ledger", help="Recompute every layer and map at the end, and compare.")
     ] = False,
-    report: Annotated[bool | None, typer.Option("--report/--no-report", help="Write report.html, too.")] = None,
+    report: Annotated[
+        bool | None,
+        typer.Option("--report/--no-report", help="Write report.html, too; else what output.report says: yes."),
+    ] = None,
     examples: Annotated[
-        bool | None, typer.Option("--examples/--no-examples", help="Write every attempt with its pictures, too.")
+        bool | None,
+        typer.Option(
+            "--examples/--no-examples",
+            help="Write every attempt with its pictures, too; else what output.examples says: yes.",
+        ),
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
     json: Json = False,
@@ -199,7 +208,7 @@ def annotate(
 
 @app.command()
 def convert(
-    source: Annotated[list[Path], typer.Argument(help="CARMEN logs, ROS 1 bags, ROS 2 bags.")],
+    source: Annotated[list[Path], typer.Argument(readable=False, help="CARMEN logs, ROS 1 bags, ROS 2 bags.")],
     out: Annotated[Path, typer.Argument(help="The MCAP file to write.")],
     config: ConfigFile = None,
     debug: Debug = False,
@@ -234,7 +243,11 @@ def decide(
 def match(
     maps: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="A B", help="Two map files: A receives. map.yaml, PNG, PGM, or a type's own format."),
+        typer.Argument(
+            metavar="A B",
+            readable=False,
+            help="Two map files: A receives. map.yaml, PNG, PGM, or a type's own format.",
+        ),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for the picture and the merged map.")] = None,
     resolution: Annotated[float | None, typer.Option(help="Metres per pixel of maps that are bare images.")] = None,
@@ -276,7 +289,10 @@ def match(
 
 @app.command()
 def evaluate(
-    files: Annotated[list[Path], typer.Argument(help="Recordings whose poses can be trusted, each of another place.")],
+    files: Annotated[
+        list[Path],
+        typer.Argument(readable=False, help="Recordings whose poses can be trusted, each of another place."),
+    ],
     pairs: Annotated[int, typer.Option(help="How many pairs of windows to draw.")] = 200,
     scans: Annotated[int, typer.Option(help="Scans of a window.")] = 30,
     further: Annotated[int, typer.Option(help="Scans that the receiver maps on.")] = 10,
@@ -379,7 +395,9 @@ def calibrate(
 def andersone2021(
     files: Annotated[
         list[Path] | None,
-        typer.Argument(help="Recordings whose poses can be trusted; else the Intel log where it is, or the demo."),
+        typer.Argument(
+            readable=False, help="Recordings whose poses can be trusted; else the Intel log where it is, or the demo."
+        ),
     ] = None,
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder to write to.")] = Path("andersone2021"),
     right: Annotated[int, typer.Option(help="Right merges per combination of resolutions.")] = 20,

@@ -9,10 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
+from rich.padding import Padding
 from rich.table import Table
 
 from mapgraft.check import check
 from mapgraft.console import cell, print_json, results
+from mapgraft.errors import NothingToMapError
+from mapgraft.evaluation.tables import wide
 from mapgraft.job import as_config, demo
 from mapgraft.plugins import load_plugins
 
@@ -21,28 +24,42 @@ if TYPE_CHECKING:
 
 
 def show_info(files: Sequence[Path], config: Path | None, *, as_json: bool, without: Sequence[str]) -> None:
-    """Print the survey of some recordings; without any, of the demo recording."""
-    from mapgraft.recording.survey import survey
+    """Print the survey of some recordings; without any, of the demo recording.
+
+    Raises NothingToMapError where no robot can be mapped, after the files and their topics have been printed.
+    """
+    from mapgraft.recording.survey import files_alone, survey
 
     paths = list(files)
     if not paths:
         paths, demo_config = demo()
         config = config or demo_config
     checked, plugins = as_config(config), load_plugins(without)
-    used = check(paths, checked, plugins)
+    try:
+        used = check(paths, checked, plugins)
+    except NothingToMapError:
+        if not as_json:
+            _print_files(files_alone(paths, checked, plugins=plugins))
+        raise
     found = survey(paths, checked, plugins=plugins)
     if as_json:
         print_json({**dataclasses.asdict(found), "used": used})
         return
-    console = results()
-    for file in found.files:
-        _print_file(console, file)
+    console = _print_files(found.files)
     for robot in found.robots:
         _print_robot(console, robot, used["robots"][robot.source.name])
     _print_mission(console, found)
     exchange = ", ".join(f"{key} {value}" for key, value in used["exchange"].items() if key != "use")
     console.print(cell(f"  exchange: {used['exchange']['use']}" + (f" ({exchange})" if exchange else "")))
-    console.print(cell(f"  rules: {', '.join(used['rules'])}"))
+    console.print(cell(f"  rules: {len(used['rules'])}; 'mapgraft decide FILE…' says which of them applies, and why"))
+
+
+def _print_files(files: Sequence[SurveyedFile]) -> Console:
+    """Every file with its topics, whole: names are cut nowhere."""
+    console = wide(results())
+    for file in files:
+        _print_file(console, file)
+    return console
 
 
 def _print_file(console: Console, file: SurveyedFile) -> None:
@@ -52,13 +69,13 @@ def _print_file(console: Console, file: SurveyedFile) -> None:
         style="bold",
     )
     table = Table(box=None, header_style="dim", pad_edge=False)
-    for column, justify in (("  topic", "left"), ("type", "left"), ("messages", "right"), ("used by", "left")):
-        table.add_column(column, justify="right" if justify == "right" else "left")
+    for column in ("topic", "type", "messages", "used by"):
+        table.add_column(column, justify="right" if column == "messages" else "left", overflow="fold")
     for topic in file.topics:
         count = "?" if topic.count is None else f"{topic.count:,}"
         used = ", ".join(topic.used_by) or topic.note
-        table.add_row(cell(f"  {topic.topic}"), cell(topic.message_type), count, cell(used))
-    console.print(table)
+        table.add_row(cell(topic.topic), cell(topic.message_type), count, cell(used))
+    console.print(Padding(table, (0, 0, 0, 2), expand=False))
 
 
 def _print_robot(console: Console, robot: SurveyedRobot, used: Mapping[str, str]) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from mapgraft.commands.match_text import print_pairing
 from mapgraft.config import Config
 from mapgraft.console import cell, print_json, remarks, results
 from mapgraft.decision import build_table
-from mapgraft.errors import UsageError
+from mapgraft.errors import ConfigError, UsageError
 from mapgraft.evaluation.tables import wide
 from mapgraft.guard import Guard
 from mapgraft.job import as_config
@@ -54,7 +55,8 @@ def match_and_show(
     pairer = pairer_of(plugins, config, asked)
     shelf = Shelf(plugins, config, pairer.workshop)
     with pairer.workshop.guard.armed():
-        a, b = (shelf.read(path, given) for path, given in zip(maps, options_of(shelf, maps, asked), strict=True))
+        with naming_options():
+            a, b = (shelf.read(path, given) for path, given in zip(maps, options_of(shelf, maps, asked), strict=True))
         for map_ in dict.fromkeys((a, b)):
             print_remarks(map_)
         pairing = pairer.pair(a, b)
@@ -66,6 +68,17 @@ def match_and_show(
     print_pairing(wide(results()), pairing, all_hypotheses=all_hypotheses)
     if files:
         results().print(cell(f"Written to {out}: {', '.join(files)}"), soft_wrap=True)
+
+
+@contextmanager
+def naming_options() -> Iterator[None]:
+    """Faults of maps that were to be read name the option of this command, too."""
+    try:
+        yield
+    except ConfigError as error:
+        if RESOLUTION not in str(error):
+            raise
+        raise ConfigError(f"{error}; for this command --resolution METRES does, too") from None
 
 
 def print_remarks(map_: ReadyMap) -> None:

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from mapgraft.commands.match import Asked, options_for, pairer_of, print_remarks
+from mapgraft.commands.match import Asked, naming_options, options_for, pairer_of, print_remarks
 from mapgraft.commands.match_text import shown
 from mapgraft.console import cell, print_json, remarks, results
 from mapgraft.errors import UsageError
@@ -58,7 +58,8 @@ def judge_and_show(lists: Lists, asked: Asked, out: Path | None, *, as_json: boo
     seen: set[Path] = set()
 
     def read(file: MapFile, side: int) -> ReadyMap:
-        map_ = shelf.read(file.path, _options(shelf, file, side, asked))
+        with naming_options():
+            map_ = shelf.read(file.path, _options(shelf, file, side, asked))
         if file.path not in seen:
             seen.add(file.path)
             print_remarks(map_)

@@ -14,6 +14,7 @@ from mapgraft.matching.pixels import Frame, frame_of
 from mapgraft.plugins import Plugins
 from mapgraft.procedures import Workshop
 from mapgraft.recording.naming import real_path
+from mapgraft.recording.reach import is_file, require_readable
 from mapgraft.recording.robots.library import Library
 from mapgraft.reversal import Ledger
 
@@ -83,7 +84,7 @@ class Shelf:
         name, remarks = path.stem, list[str]()
         robot = self.config.robots.get(name)
         told = {**(robot.options if robot else {}), **options}
-        form = str(told[FORMAT]) if FORMAT in told and path.is_file() else self._format_of(path)
+        form = str(told[FORMAT]) if FORMAT in told and is_file(path) else self._format_of(path)
         kind, payload = self._library.read_map(path, told, remarks.append)
         map_type = map_type_of(name, [kind], self.config, self.workshop)
         with self.workshop.guard.calling("map type", map_type.name):
@@ -95,6 +96,7 @@ class Shelf:
         return ReadyMap(name, path, form, map_type, ledger, metadata, image, tuple(remarks))
 
     def _format_of(self, path: Path) -> str:
+        require_readable(path)
         if not path.is_file():
             raise MapError(
                 f"{path} is a folder: name a map file in it" if path.is_dir() else f"there is no file {path}"

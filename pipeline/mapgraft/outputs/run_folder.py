@@ -358,7 +358,7 @@ class RunFolder:
     def _leftovers(self) -> list[str]:
         """What an earlier writing of this folder had and this one has not, so that nobody takes it for today's."""
         new = self._staging.names
-        earlier = [name for name in _files_of(self._out) if name.startswith(_OURS) and "/run_id=" not in name]
+        earlier = [name for name in _files_of(self._out) if _is_of_one_run(name)]
         gone = [REPORT, *(name for name in earlier if name not in new)]  # the page tells of what is replaced now
         for table in WRITTEN:
             gone += other_parts(self._out, table, self._run_id, new)
@@ -382,6 +382,12 @@ class RunFolder:
         while self._held:
             self._held[-1]()  # which does no harm twice
             self._held.pop()
+
+
+def _is_of_one_run(name: str) -> bool:
+    """Whether a file of an earlier run tells of that run alone, and goes where this one has none of that name."""
+    is_recording = name.endswith(MERGE_RECORDING) and "/" not in name
+    return is_recording or (name.startswith(_OURS) and "/run_id=" not in name)
 
 
 def _files_of(out: Path) -> list[str]:

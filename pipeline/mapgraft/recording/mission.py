@@ -14,6 +14,7 @@ from mapgraft.config import Config
 from mapgraft.contracts import Observation, RecordingError, Signal, Transform
 from mapgraft.contracts.sources import Fault, ReadFaults
 from mapgraft.correction import Correction
+from mapgraft.errors import NothingToMapError
 from mapgraft.guard import Guard
 from mapgraft.plugins import Plugins
 from mapgraft.recording.containers.octets import Octets
@@ -118,6 +119,11 @@ class Mission:
     def end_ns(self) -> int:
         """The last stamp on the mission's timeline, before any limits."""
         return max((plan.range.last_ns + self._shifts[plan.name] for plan in self._plans), default=0)
+
+    @property
+    def asked_s(self) -> tuple[float | None, float | None]:
+        """The start and the end that the configuration asks for, in seconds after the first stamp."""
+        return self._config.start_s, self._config.end_s
 
     @property
     def shifts(self) -> Mapping[str, int]:
@@ -272,16 +278,16 @@ def open_mission(
     """Find the robots in some files and make them one mission.
 
     ``plugins`` add readers, decoders and map formats. ``octets`` holds the bytes of MCAP files that are not on this
-    machine, by the path that stands for each. Raises RecordingError when a file cannot be read or there is
-    nothing to map, ConfigError when the configuration speaks of what is not there, TransformError and PluginError from
-    what plugins read.
+    machine, by the path that stands for each. Raises RecordingError when a file cannot be read, NothingToMapError when
+    there is nothing to map, ConfigError when the configuration speaks of what is not there, TransformError and
+    PluginError from what plugins read.
     """
     library = Library(plugins, config.mission.typestore, config.limits, octets=octets)
     try:
         with library.guard.armed():
             roster = call_roll(paths, config, library)
         if not roster.plans and not roster.map_files:
-            raise RecordingError(nothing_found(roster))
+            raise NothingToMapError(nothing_found(roster))
         return Mission(roster, library, config)
     except BaseException:
         library.close()
@@ -290,8 +296,18 @@ def open_mission(
 
 def nothing_to_map(mission: Mission) -> str:
     """A sentence on why a mission gave no observation at all, after ``observations()`` came to its end."""
-    reasons = "; ".join(mission.tally.sentences()) or "all of them lie outside the start and end asked for"
+    reasons = "; ".join(mission.tally.sentences()) or f"all of them lie outside {_wanted(mission)}"
     return f"nothing to map: no scan or map of {', '.join(r.name for r in mission.robots)} could be used: {reasons}"
+
+
+def _wanted(mission: Mission) -> str:
+    """What part of the mission was asked for, and how long there would be something."""
+    start_s, end_s = mission.asked_s
+    if start_s is None and end_s is None:
+        return "the robots' windows"
+    asked = f"{start_s or 0.0:g} s to {'the end' if end_s is None else f'{end_s:g} s'}"
+    lasts_s = (mission.end_ns - mission.start_ns) / S
+    return f"the start and end asked for ({asked}): the recording lasts {lasts_s:.1f} s"
 
 
 def nothing_found(roster: Roster) -> str:

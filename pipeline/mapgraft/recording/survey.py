@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,11 +11,14 @@ import numpy as np
 
 from mapgraft.config import Config
 from mapgraft.contracts import Observation
+from mapgraft.errors import RecordingError
 from mapgraft.plugins import Plugins
 from mapgraft.recording.losses import Loss, fault_sentences, losses
 from mapgraft.recording.mission import Mission, RobotSource, open_mission
 from mapgraft.recording.poses.rigid import from_transform
 from mapgraft.recording.robots.glimpse import Glimpse
+from mapgraft.recording.robots.library import Library
+from mapgraft.recording.robots.roster import further_files
 from mapgraft.recording.smear import SMEAR_TEXT, Disagreement, Track, disagreement
 
 S = 1_000_000_000
@@ -87,8 +91,8 @@ class Survey:
 def survey(paths: Sequence[Path], config: Config, *, plugins: Plugins | None = None) -> Survey:
     """Look through the files of a mission; every pose is looked up, no payload is mapped.
 
-    Raises RecordingError when a file cannot be read or there is nothing to map, ConfigError when the configuration
-    speaks of what is not there.
+    Raises RecordingError when a file cannot be read, NothingToMapError when there is nothing to map, ConfigError when
+    the configuration speaks of what is not there.
     """
     with open_mission(paths, config, plugins=plugins) as mission, mission.guard.armed():
         tracks = _tracks(mission.places())
@@ -103,7 +107,7 @@ def survey(paths: Sequence[Path], config: Config, *, plugins: Plugins | None = N
         problems += tally.sentences()
         problems += fault_sentences(mission.faults)
         return Survey(
-            files=tuple(_file(mission, g) for g in mission.all_glimpses),
+            files=tuple(_file(g, mission.readers_of) for g in mission.all_glimpses),
             robots=robots,
             start_ns=mission.start_ns,
             end_ns=mission.end_ns,
@@ -112,6 +116,20 @@ def survey(paths: Sequence[Path], config: Config, *, plugins: Plugins | None = N
             remarks=tuple(_remarks(mission)),
             lost=losses(mission),
         )
+
+
+def files_alone(paths: Sequence[Path], config: Config, *, plugins: Plugins | None = None) -> tuple[SurveyedFile, ...]:
+    """The recordings that can be opened, with their topics, also where no robot in them can be mapped."""
+    library = Library(plugins, config.mission.typestore, config.limits)
+    seen: list[SurveyedFile] = []
+    try:
+        with library.guard.armed():
+            for path in (*paths, *further_files(paths, config)):
+                with suppress(RecordingError):
+                    seen += [] if library.format_of(path) else [_file(library.look(path), lambda _path, _topic: ())]
+    finally:
+        library.close()
+    return tuple(seen)
 
 
 def _tracks(observations: Iterable[Observation]) -> dict[str, Track]:
@@ -135,14 +153,15 @@ def _smear(source: RobotSource, path_m: float, measured: Disagreement | None) ->
         return f"{text} (over {path_m:.0f} m of path; nothing to measure it against)"
     if measured is None:
         return text
+    pieces = f"{measured.segments} piece{'s' * (measured.segments != 1)}"
     return (
         f"{text}; its raw odometry would drift from them by {measured.median_m:.2f} m and {measured.median_deg:.1f}° "
-        f"per 10 m of path (median of {measured.segments} pieces; worst {measured.worst_m:.2f} m, "
+        f"per 10 m of path (median of {pieces}; worst {measured.worst_m:.2f} m, "
         f"{measured.worst_deg:.1f}°)"
     )
 
 
-def _file(mission: Mission, g: Glimpse) -> SurveyedFile:
+def _file(g: Glimpse, readers_of: Callable[[Path, str], tuple[str, ...]]) -> SurveyedFile:
     source = g.source
     paths = [p for p in source.path.rglob("*") if p.is_file()] if source.path.is_dir() else [source.path]
     counts: dict[tuple[str, str], int | None] = {}
@@ -152,7 +171,7 @@ def _file(mission: Mission, g: Glimpse) -> SurveyedFile:
         counts[key] = None if known is None or channel.count is None else known + channel.count
     notes = {channel.topic: channel.why_not for channel in source.channels if not channel.decodable}
     topics = tuple(
-        SurveyedTopic(topic, message_type, count, mission.readers_of(source.path, topic), notes.get(topic, ""))
+        SurveyedTopic(topic, message_type, count, readers_of(source.path, topic), notes.get(topic, ""))
         for (topic, message_type), count in sorted(counts.items())
     )
     size = sum(path.stat().st_size for path in paths)

@@ -22,6 +22,7 @@ from mapgraft.recording.containers.opening import Reader, open_source
 from mapgraft.recording.conversion import Convert, Output, Untold, converters
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE
 from mapgraft.recording.losses import fault_sentences
+from mapgraft.recording.reach import is_there
 from mapgraft.recording.ros2_types import Encoded
 
 CHUNK_BYTES = 1 << 20
@@ -204,7 +205,7 @@ def _check(files: Sequence[Path], target: Path) -> None:
         raise UsageError("convert needs at least one recording")
     if target.suffix != ".mcap":
         raise UsageError(f"recordings are converted to MCAP, so the output must end in .mcap, found {target.name!r}")
-    if any(file.exists() and target.exists() and file.samefile(target) for file in files):
+    if any(is_there(file) and is_there(target) and file.samefile(target) for file in files):
         raise UsageError(f"{target} is one of the recordings to convert: choose another output")
 
 

@@ -8,6 +8,7 @@ import math
 
 import pytest
 
+from mapgraft.cli import invoke
 from mapgraft.config import parse_config
 from mapgraft.contracts import RecordingError
 from mapgraft.plugins import load_plugins
@@ -132,3 +133,33 @@ def test_a_plan_with_a_trap_in_it_is_told(shared_data):
 def test_poses_without_scans(shared_data):
     with pytest.raises(RecordingError, match="nothing to map"):
         look([shared_data / "mcap/nav2_turtlebot.mcap"])
+
+
+def test_info_cuts_no_name_of_a_topic_or_a_type(record, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "60")
+    topic = "/" + "/".join(f"a_part_of_a_name_{n}" for n in range(12))
+    file = record("long").drive(1)
+    file.text(0.5, topic)
+    assert invoke(["info", str(file.write())]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert topic in "".join(line.split()[0] for line in lines if line.startswith("  ") and line.split()[0] != "topic")
+    assert "…" not in "".join(lines)
+
+
+def test_info_shows_the_topics_of_a_file_with_nothing_to_map(record, capsys):
+    file = record("empty").drive(2, scans=False)
+    file.text(0.5, "/chatter")
+    path = str(file.write())
+    assert invoke(["info", path]) == 1
+    out, err = capsys.readouterr()
+    for part in (path, "/chatter", "std_msgs/msg/String", "/tf_static", "tf2_msgs/msg/TFMessage"):
+        assert part in out
+    assert err.startswith("mapgraft: nothing to map: empty.mcap holds poses (/tf_static, /tf), /chatter")
+    assert invoke(["info", path, "--json"]) == 1
+    assert capsys.readouterr().out == ""
+
+
+def test_info_counts_the_rules_and_says_who_tells_of_them(record, capsys):
+    assert invoke(["info", str(record().drive(1).write())]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  rules:")]
+    assert "'mapgraft decide FILE…' says" in line and "grids of any resolution" not in line

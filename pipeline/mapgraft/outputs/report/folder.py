@@ -105,7 +105,8 @@ def open_run(path: Path) -> FinishedRun:
     """The run in a folder; raises UsageError when there is none, or none that is finished, OutputError when it is being
     written just now."""
     if not path.is_dir():
-        raise UsageError(f"there is no folder {path}: give the folder that mapgraft run wrote")
+        found = f"{path} is a file" if path.exists() else f"there is no folder {path}"
+        raise UsageError(f"{found}: give the folder that mapgraft run wrote")
     settled(path)
     if not (path / SUMMARY).is_file():
         if unfinished := sorted(path.glob(f"*{MERGE_RECORDING}{SUFFIX}")):

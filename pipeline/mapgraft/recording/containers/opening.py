@@ -15,6 +15,7 @@ from mapgraft.recording.containers.octets import Octets
 from mapgraft.recording.containers.text_lines import GZIP_MAGIC
 from mapgraft.recording.containers.tum_file import pose_of
 from mapgraft.recording.decoding.codecs import DEFAULT_TYPESTORE, known_typestore
+from mapgraft.recording.reach import require_readable
 
 _GLANCE_BYTES = 1 << 16
 _PACKED = {b"BZh": "bunzip2", b"\xfd7zXZ": "unxz", b"\x28\xb5\x2f\xfd": "unzstd", b"PK\x03\x04": "unzip"}
@@ -31,9 +32,16 @@ class Reader(NamedTuple):
 
 
 def is_named_as_recording(path: Path, readers: Sequence[Reader] = ()) -> bool:
-    """Whether there is something at the path, a folder or a file, that is called as recordings are."""
+    """Whether there is something at the path, a folder or a file, that is called as recordings are.
+
+    Where this user may not look, the name alone tells.
+    """
     suffixes = (*_SUFFIXES, *(suffix for reader in readers for suffix in reader.suffixes))
-    return path.is_dir() or (path.is_file() and path.name.endswith(suffixes))
+    named = path.name.endswith(suffixes)
+    try:
+        return path.is_dir() or (path.is_file() and named)
+    except PermissionError:
+        return named
 
 
 def open_source(
@@ -56,6 +64,7 @@ def open_source(
         from mapgraft.recording.containers.mcap_file import McapSource
 
         return McapSource(path, typestore=types, limits=limits, octets=octets)
+    require_readable(path)
     try:
         is_folder = path.is_dir()
         if not is_folder and not path.exists():

@@ -16,6 +16,7 @@ from mapgraft.recording.containers.limits import ReadLimits
 from mapgraft.recording.containers.octets import Octets
 from mapgraft.recording.containers.opening import Reader, is_named_as_recording, open_source
 from mapgraft.recording.naming import real_path
+from mapgraft.recording.reach import is_file, require_readable
 from mapgraft.recording.robots.glimpse import Glimpse, glimpse
 from mapgraft.recording.robots.payloads import Decoder, Payloads, checked_size
 from mapgraft.recording.robots.strangers import GuardedSource, called, decoded
@@ -82,7 +83,7 @@ class Library:
 
         Where several do it is the one that asks for the longest end of the name (``.plan.png`` before ``.png``).
         """
-        if not path.is_file() or path.name == "metadata.yaml":
+        if not is_file(path) or path.name == "metadata.yaml":
             return None
         best, name = 0, None
         for offered in self._plugins.of_kind("format"):
@@ -98,6 +99,7 @@ class Library:
         take ``most_cells``. The option ``format`` names a format
         instead of the one that the file's name tells.
         """
+        require_readable(path)
         if not path.is_file():  # a pipe would be waited for
             raise RecordingError(f"{path} is not a file: it cannot be a map")
         options = dict(options)

@@ -12,12 +12,14 @@ from mapgraft.config import Config, RobotConfig
 from mapgraft.contracts import ConfigError, RecordingError
 from mapgraft.contracts.sources import Fault
 from mapgraft.recording.naming import real_path, stem, told_apart
+from mapgraft.recording.reach import is_there, require_readable
 from mapgraft.recording.robots.agreement import brought_together
 from mapgraft.recording.robots.discovery import FoundRobot, discover
 from mapgraft.recording.robots.glimpse import Glimpse
 from mapgraft.recording.robots.library import Library
 from mapgraft.recording.robots.lives import lives_of
 from mapgraft.recording.robots.plan import RobotPlan, Unmappable, plan_robot
+from mapgraft.recording.robots.written import refuse_run, refuse_written
 
 _SHOWN = 12
 
@@ -51,8 +53,8 @@ def call_roll(paths: Sequence[Path], config: Config, library: Library) -> Roster
     """Find the robots in the files and in the configuration.
 
     A recording that cannot be opened is left out beside others that can. Raises RecordingError when none can, when a
-    file is no recording at all, when a configured robot cannot be mapped or its files not be read, or when there are
-    more robots than the limits allow, ConfigError when the configuration speaks of what is not there.
+    file is no recording at all or written by a run, when a configured robot cannot be mapped or its files not be read,
+    or when there are more robots than the limits allow, ConfigError when the configuration speaks of what is not there.
     """
     for path, times in Counter(real_path(path) for path in paths).items():
         if times > 1:
@@ -79,6 +81,7 @@ def _looked_into(
     unread: list[tuple[str, Fault]] = []
     wanted = [pattern for robot in config.robots.values() for pattern in robot.files]
     for path in paths:
+        refuse_run(path)
         try:
             glimpses.append(library.look(path))
         except RecordingError as error:
@@ -87,6 +90,8 @@ def _looked_into(
             errors.append(error)
             why = str(error).replace(str(path), path.name)
             unread.append((path.name, Fault("unreadable", "", 1, f"{why}: it is left out")))
+    for glimpse in glimpses:
+        refuse_written(glimpse.source)
     if errors and not glimpses:
         raise errors[0] if len(errors) == 1 else RecordingError("; ".join(map(str, errors)))
     return glimpses, unread
@@ -98,6 +103,7 @@ def further_files(paths: Sequence[Path], config: Config) -> list[Path]:
     for name, robot in config.robots.items():
         for pattern in robot.files:
             if not any(matches(path, pattern) for path in (*paths, *further)):
+                require_readable(Path(pattern))
                 if not Path(pattern).exists():
                     known = ", ".join(path.name for path in paths) or "none"
                     raise ConfigError(f"robots.{name}.files: there is no file {pattern!r}: the mission has {known}")
@@ -130,7 +136,7 @@ def matches(path: Path, pattern: str) -> bool:
         pattern in (str(path), path.name, stem(path))
         or fnmatch(path.name, pattern)
         or fnmatch(str(path), pattern)
-        or (path.exists() and Path(pattern).exists() and real_path(path) == real_path(Path(pattern)))
+        or (is_there(path) and is_there(Path(pattern)) and real_path(path) == real_path(Path(pattern)))
     )
 
 
