@@ -7,9 +7,12 @@ import io
 from datetime import UTC, datetime, timedelta
 from itertools import count
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from toy_examples import RUN, write_toys
 
 from mapgraft.contracts import Transform
@@ -88,6 +91,50 @@ def test_a_line_by_hand_needs_little(out):
         word.T_receiver_donor is not None and word.T_receiver_donor.difference(Transform.planar(1.5, -2, 0.5))[0] < 1e-9
     )
     assert word.T_judged is not None and labels[ExampleKey(RUN, "alpha.beta.8"), "eve"].T_receiver_donor is None
+
+
+LINES = st.lists(
+    st.tuples(
+        st.sampled_from(("alpha.beta.7", "alpha.beta.8")),
+        st.sampled_from(("right", "wrong", "unsure", "withdrawn")),
+        st.sampled_from(("eve", "")),
+        st.sampled_from(("", "2026-03-01T12:00:00Z", "2026-03-01T12:00:07Z")),
+        st.sampled_from(("", "not here")),
+    ),
+    max_size=8,
+)
+
+
+@settings(max_examples=25, deadline=None)
+@given(LINES)
+def test_the_same_file_twice_is_once(lines):
+    with TemporaryDirectory() as made:
+        out = Path(made)
+        write_toys(out, 12)
+        path = out / "hand.csv"
+        text = "".join(",".join(line) + "\n" for line in lines)
+        path.write_text("example_id,label,annotator,labelled_at,comment\n" + text)
+        added, before = imported(ExampleFolder(out), path, "ann", clock=NOON)
+        assert added + before == len(lines)
+        words = exported([ExampleFolder(out)], everything=True)
+        assert words[1] == added
+        assert imported(ExampleFolder(out), path, "ann", clock=NOON + timedelta(days=1)) == (0, len(lines))
+        assert exported([ExampleFolder(out)], everything=True) == words
+        untimed = {(one, by or "ann"): verdict for one, verdict, by, said, _ in lines if not said}
+        last = {(word.key.example_id, word.annotator): word.label for word in ExampleFolder(out).words()}
+        assert untimed.items() <= last.items()  # a line without a time is later than all that have one
+
+
+@pytest.mark.parametrize("further", ["wrong,", "right,looked again"])
+def test_a_line_without_a_time_is_new_where_it_is_not_the_last_word(out, further):
+    path = out / "hand.csv"
+    for line, expected in (("right,", (1, 0)), (further, (1, 0)), ("right,", (1, 0)), ("right,", (0, 1))):
+        path.write_text(f"example_id,label,comment\nalpha.beta.7,{line}\n")
+        assert imported(ExampleFolder(out), path, "eve", clock=NOON) == expected
+    path.write_text("example_id,label,x_m,y_m,yaw_rad\nalpha.beta.7,right,9,9,0\n")
+    assert imported(ExampleFolder(out), path, "eve", clock=NOON) == (1, 0)
+    path.write_text("example_id,label\nalpha.beta.1,right\n")
+    assert imported(ExampleFolder(out), path, "ann", clock=NOON) == (0, 1)  # said on the page
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from mapgraft.errors import TransformError, UsageError
 
 POSE: Final = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 MOST_BYTES: Final = 256 << 20  # about half a million words
+ITSELF: Final = 1e-6  # m and rad; a transform that was written down and read again is off by less
 EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 _TIME: Final = re.compile(r"([^.,]+?)(?:[.,]([0-9]+))?(Z|[+-][0-9]{2}(?::?[0-9]{2})?)?")
 

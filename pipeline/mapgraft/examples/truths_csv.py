@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import TypeVar
 
-from mapgraft.examples.csv_lines import Line, lines_of
+from mapgraft.examples.csv_lines import ITSELF, Line, lines_of
 from mapgraft.examples.truths import GIVEN, Known
 from mapgraft.persons import SAME_PLACE_M, SAME_TURN_RAD
 
 About = TypeVar("About", bound=Hashable)
-_ITSELF: Final = 1e-6  # m and rad; a transform that was written down and read again is off by less
 
 
 def robots_truth(path: Path, recordings: Mapping[str, str] | None = None) -> dict[tuple[str, str], Known]:
@@ -74,7 +73,7 @@ def _held(line: Line) -> Known | None:
     T, T_judged = line.transform(), line.transform("judged_")
     if T is None or line.text("label") not in ("right", "wrong"):
         return None
-    if line.text("label") == "wrong" and T_judged is not None and max(T.difference(T_judged)) < _ITSELF:
+    if line.text("label") == "wrong" and T_judged is not None and max(T.difference(T_judged)) < ITSELF:
         raise line.fault("it gives for right what it calls wrong: correct the label, or leave the pose out")
     return Known(T, GIVEN, line.number_of("scale") or 1.0)
 
