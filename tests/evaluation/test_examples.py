@@ -13,7 +13,7 @@ from mapgraft.contracts import Transform
 from mapgraft.errors import OutputError, UsageError
 from mapgraft.evaluation import Course, Drawing, Settings, draw_pairs, evaluate, evaluate_courses
 from mapgraft.evaluation.courses import joined
-from mapgraft.evaluation.exemplified import environment_of, joined_by, told_of
+from mapgraft.evaluation.exemplified import environment_of, joined_by, told_of, unused_of
 from mapgraft.evaluation.truth import RIGHT_M
 from mapgraft.examples import ExampleFolder, transform_of
 from mapgraft.examples.labels_csv import exported
@@ -95,6 +95,22 @@ def test_a_joint_that_scales_is_refused(courses, tmp_path):
         joined_by(path, courses)
 
 
+def test_it_is_said_how_many_lines_of_a_truth_are_about_something_else(courses, tmp_path):
+    path = tmp_path / "labels.csv"
+    header, ours = "run_id,example_id,recording,receiver,donor,label", "r1,ann.bob.1,one+other,ann,bob,right"
+    lines = [
+        "r1,ann.bob.1,one+far,ann,bob,right",
+        "r1,ann.zoe.1,,ann,zoe,right",
+        "e1,3.judged,one,receiver,donor,right",
+    ]
+    for count, text in ((0, lines[:2]), (1, [*lines[:2], ours]), (1, lines), (2, [*lines, ours])):
+        path.write_text("\n".join([header, *text]))
+        (said,) = unused_of(path, "e1", courses)
+        assert said.startswith(f"{count} of {len(text)} lines of {path} are about these recordings or this evaluation")
+    path.write_text("\n".join([header, ours, lines[2]]))
+    assert unused_of(path, "e1", courses) == []
+
+
 @pytest.fixture
 def evaluated(plugins: Plugins, rules: Path):
     """What evaluates the demo with few pairs."""
@@ -128,10 +144,13 @@ def test_a_folder_of_examples_is_the_same_each_time_and_takes_labels_back(evalua
         T_corrected=moved,
     )
     truth = tmp_path / "labels.csv"
-    truth.write_text(exported([folder])[0])
+    told_nothing = "e0123,0.judged,,far,ann,bob,eve,right"
+    header, line = exported([folder])[0].splitlines()
+    truth.write_text("\n".join([header, line, *([told_nothing] * 2)]) + "\n")
     again = evaluated(examples=tmp_path / "again", truth=truth)
     told = ExampleFolder(tmp_path / "again")
     assert told.keys == folder.keys and len(again.judged) == 3  # what a person says makes it no other evaluation
+    assert f"1 of 3 lines of {truth} are about these recordings" in again.remarks[0]
     assert [told.row(k)["truth_by"] for k in told.keys] == ["recorded poses", "given", "recorded poses"]
     T = transform_of(told.row(key)["truth_T"])
     assert T is not None and T.difference(moved)[0] < 1e-6

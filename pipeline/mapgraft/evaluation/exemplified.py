@@ -21,7 +21,7 @@ from mapgraft.evaluation.growth import Growth
 from mapgraft.examples.collecting import Collector, Origin
 from mapgraft.examples.rows import NAME, examples_table
 from mapgraft.examples.truths import GIVEN, RECORDED, Known
-from mapgraft.examples.truths_csv import examples_truth, robots_truth
+from mapgraft.examples.truths_csv import examples_truth, lines_about, robots_truth
 from mapgraft.outputs.lock import DATASET, locked
 from mapgraft.outputs.parquet_log import PartWriter, other_parts
 from mapgraft.outputs.provenance import RunProvenance, run_id_of
@@ -101,6 +101,14 @@ def told_of(path: Path, run_id: str, pairs: int) -> dict[int, Transform]:
             raise UsageError(f"{path}: this evaluation ({run_id}) has no example {example_id!r}")
         out[int(number)] = known.T_receiver_donor
     return out
+
+
+def unused_of(path: Path, run_id: str, courses: Sequence[Course]) -> list[str]:
+    """A sentence on how many lines of a file of labels are about this evaluation, where not all are."""
+    used, there = lines_about(path, {course.robot: recording_of(course) for course in courses}, run_id)
+    if used == there:
+        return []
+    return [f"{used} of {there} lines of {path} are about these recordings or this evaluation; the others are left out"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -33,6 +33,18 @@ def examples_truth(path: Path, run_id: str) -> dict[str, Known]:
     return _truths((line for line in lines if line.text("run_id") == run_id), lambda line: line.text("example_id"))
 
 
+def lines_about(path: Path, recordings: Mapping[str, str], run_id: str) -> tuple[int, int]:
+    """How many lines of such a file are about these robots or one run or evaluation, and how many there are."""
+    lines = list(lines_of(path, ("label",)))
+    used = [
+        line
+        for line in lines
+        if line.text("run_id") == run_id
+        or ({line.text("receiver"), line.text("donor")} <= recordings.keys() and _is_of(line, recordings))
+    ]
+    return len(used), len(lines)
+
+
 def _is_of(line: Line, recordings: Mapping[str, str]) -> bool:
     """Whether a line is of these recordings; one that names none is of any."""
     if not (recorded := line.text("recording")):
