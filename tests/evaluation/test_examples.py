@@ -11,14 +11,15 @@ import pytest
 from mapgraft.config import parse_config
 from mapgraft.contracts import Transform
 from mapgraft.errors import OutputError, UsageError
-from mapgraft.evaluation import Course, Drawing, Settings, draw_pairs, evaluate, evaluate_courses
+from mapgraft.evaluation import Bench, Course, Drawing, Settings, draw_pairs, evaluate, evaluate_courses
 from mapgraft.evaluation.courses import joined
-from mapgraft.evaluation.exemplified import environment_of, joined_by, told_of, unused_of
+from mapgraft.evaluation.exemplified import Identified, environment_of, joined_by, told_of, unused_of
 from mapgraft.evaluation.truth import RIGHT_M
 from mapgraft.examples import ExampleFolder, transform_of
 from mapgraft.examples.labels_csv import exported
 from mapgraft.examples.rows import examples_table
 from mapgraft.outputs.labels import label
+from mapgraft.outputs.lock import LOCK
 from mapgraft.plugins import Plugins
 from mapgraft_recordings import demo_files
 from mapgraft_schemas import arrow_schema
@@ -162,6 +163,21 @@ def test_an_example_that_the_evaluation_does_not_have_is_named(tmp_path):
     assert told_of(path, "e1", 8).keys() == {7} and told_of(path, "e2", 8) == {}
     with pytest.raises(UsageError, match=r"this evaluation \(e1\) has no example '7.judged'"):
         told_of(path, "e1", 7)
+
+
+def test_who_is_interrupted_leaves_no_folder_that_looks_like_examples(courses, plugins, small, tmp_path):
+    bench = Bench(courses, CONFIG, plugins, Settings(small, baseline=False))
+    identified = Identified.of((), bench, {})
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt), identified.writing(out):
+        raise KeyboardInterrupt
+    assert [path.name for path in out.iterdir()] == [LOCK]
+    theirs = out / "examples" / "run_id=e1" / "part-00000-00000000.parquet"
+    theirs.parent.mkdir(parents=True)
+    theirs.touch()
+    with pytest.raises(KeyboardInterrupt), identified.writing(out):
+        raise KeyboardInterrupt
+    assert [path.name for path in (out / "examples").iterdir()] == [theirs.parent.name] and theirs.is_file()
 
 
 def test_examples_do_not_go_into_a_dataset(evaluated, tmp_path):

@@ -6,7 +6,7 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -156,8 +156,15 @@ class Identified:
             except BaseException:
                 part.abandon()
                 staging.remove()
+                self._remove_empty(out)
                 raise
             staging.publish(gone=other_parts(out, NAME, self.run_id, staging.names))
+
+    def _remove_empty(self, out: Path) -> None:
+        """Take away the folders that were made for examples which are not to come."""
+        with suppress(OSError):  # somebody else's are in there
+            (out / NAME / f"run_id={self.run_id}").rmdir()
+            (out / NAME).rmdir()
 
 
 @dataclass(slots=True, eq=False)
