@@ -22,7 +22,8 @@ ENDING = (signal.SIGTERM, signal.SIGHUP)  # what a system that shuts down, or a 
 UNHANDLED = (signal.SIG_DFL, signal.default_int_handler)  # nohup ignores SIGHUP: that stays
 _DECIDED = "what was decided before, if anything, is on disk"
 LEFT = dict.fromkeys(("run", "revert", "confirm", "forbid"), _DECIDED) | {
-    "corpus": "what was done before is in the data set, and the same command goes on from there"
+    "corpus": "what was done before is in the data set, and the same command goes on from there",
+    "evaluate": "no result was written",
 }
 """What is left of commands that write while they go on, when they are ended."""
 

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import shutil
 import struct
+import subprocess
+import sys
+import tempfile
 import zlib
 from collections.abc import Callable
 from html.parser import HTMLParser
@@ -270,3 +274,37 @@ def test_bytes_that_were_damaged_later_are_passed_over(out: Path):
         desk.say(n, "anna", Answer("right"))
         seen += 1
     assert seen < 59
+
+
+READ_ONLY = """
+import os, sys
+from pathlib import Path
+
+from mapgraft.annotate.opened import open_folders
+from mapgraft.errors import OutputError
+
+if os.geteuid() == 0:
+    os.setuid(65534)  # root may write anywhere
+try:
+    open_folders([Path(sys.argv[1])])
+except OutputError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize("locked", [".", "labels", f"labels/run_id={RUN}"])
+def test_who_may_not_write_answers_is_told_before_the_first(out: Path, locked: str):
+    open_folders([out])
+    there = Path(tempfile.mkdtemp())  # where every user may come, which pytest's own folders are not for
+    there.chmod(0o755)
+    folder = shutil.copytree(out, there / "out")
+    if locked != ".":
+        (folder / locked).mkdir(parents=True)
+    for path in (folder, *folder.rglob("*")):
+        path.chmod(0o777)
+    (folder / locked).chmod(0o555)
+    done = subprocess.run([sys.executable, "-c", READ_ONLY, str(folder)], capture_output=True, text=True, check=False)
+    (folder / locked).chmod(0o755)
+    shutil.rmtree(there)
+    assert done.stderr == ""
+    assert done.stdout.startswith(f"{folder / locked} is read-only for this user, and answers are written there")

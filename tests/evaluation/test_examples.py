@@ -11,15 +11,15 @@ import pytest
 from mapgraft.config import parse_config
 from mapgraft.contracts import Transform
 from mapgraft.errors import OutputError, UsageError
-from mapgraft.evaluation import Course, Drawing, Settings, draw_pairs, evaluate, evaluate_courses
-from mapgraft.evaluation.bench import Bench
+from mapgraft.evaluation import Bench, Course, Drawing, Settings, draw_pairs, evaluate, evaluate_courses
 from mapgraft.evaluation.courses import joined, load_courses
-from mapgraft.evaluation.exemplified import Identified, environment_of, joined_by, told_of
+from mapgraft.evaluation.exemplified import Identified, environment_of, joined_by, told_of, unused_of
 from mapgraft.evaluation.truth import RIGHT_M
 from mapgraft.examples import ExampleFolder, transform_of
 from mapgraft.examples.labels_csv import exported
 from mapgraft.examples.rows import examples_table
 from mapgraft.outputs.labels import label
+from mapgraft.outputs.lock import LOCK
 from mapgraft.plugins import Plugins
 from mapgraft_recordings import demo_files
 from mapgraft_schemas import arrow_schema
@@ -96,6 +96,22 @@ def test_a_joint_that_scales_is_refused(courses, tmp_path):
         joined_by(path, courses)
 
 
+def test_it_is_said_how_many_lines_of_a_truth_are_about_something_else(courses, tmp_path):
+    path = tmp_path / "labels.csv"
+    header, ours = "run_id,example_id,recording,receiver,donor,label", "r1,ann.bob.1,one+other,ann,bob,right"
+    lines = [
+        "r1,ann.bob.1,one+far,ann,bob,right",
+        "r1,ann.zoe.1,,ann,zoe,right",
+        "e1,3.judged,one,receiver,donor,right",
+    ]
+    for count, text in ((0, lines[:2]), (1, [*lines[:2], ours]), (1, lines), (2, [*lines, ours])):
+        path.write_text("\n".join([header, *text]))
+        (said,) = unused_of(path, "e1", courses)
+        assert said.startswith(f"{count} of {len(text)} lines of {path} are about these recordings or this evaluation")
+    path.write_text("\n".join([header, ours, lines[2]]))
+    assert unused_of(path, "e1", courses) == []
+
+
 @pytest.fixture
 def evaluated(plugins: Plugins, rules: Path):
     """What evaluates the demo with few pairs."""
@@ -130,10 +146,13 @@ def test_a_folder_of_examples_is_the_same_each_time_and_takes_labels_back(evalua
         T_corrected=moved,
     )
     truth = tmp_path / "labels.csv"
-    truth.write_text(exported([folder])[0])
+    told_nothing = "e0123,0.judged,,far,ann,bob,eve,right"
+    header, line = exported([folder])[0].splitlines()
+    truth.write_text("\n".join([header, line, *([told_nothing] * 2)]) + "\n")
     again = evaluated(examples=tmp_path / "again", truth=truth)
     told = ExampleFolder(tmp_path / "again")
     assert told.keys == folder.keys and len(again.judged) == 3  # what a person says makes it no other evaluation
+    assert f"1 of 3 lines of {truth} are about these recordings" in again.remarks[0]
     assert [told.row(k)["truth_by"] for k in told.keys] == ["recorded poses", "given", "recorded poses"]
     T = transform_of(told.row(key)["truth_T"])
     assert T is not None and T.difference(moved)[0] < 1e-6
@@ -160,6 +179,21 @@ def test_an_example_that_the_evaluation_does_not_have_is_named(tmp_path):
     assert told_of(path, "e1", 8).keys() == {7} and told_of(path, "e2", 8) == {}
     with pytest.raises(UsageError, match=r"this evaluation \(e1\) has no example '7.judged'"):
         told_of(path, "e1", 7)
+
+
+def test_who_is_interrupted_leaves_no_folder_that_looks_like_examples(courses, plugins, small, tmp_path):
+    bench = Bench(courses, CONFIG, plugins, Settings(small, baseline=False))
+    identified = Identified.of((), bench, {})
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt), identified.writing(out):
+        raise KeyboardInterrupt
+    assert [path.name for path in out.iterdir()] == [LOCK]
+    theirs = out / "examples" / "run_id=e1" / "part-00000-00000000.parquet"
+    theirs.parent.mkdir(parents=True)
+    theirs.touch()
+    with pytest.raises(KeyboardInterrupt), identified.writing(out):
+        raise KeyboardInterrupt
+    assert [path.name for path in (out / "examples").iterdir()] == [theirs.parent.name] and theirs.is_file()
 
 
 def test_examples_do_not_go_into_a_dataset(evaluated, tmp_path):

@@ -42,7 +42,11 @@ def test_the_area_is_the_share_of_pairs_that_are_won(seed, n, levels):
     assert found.value == pytest.approx(statistic / (right.sum() * (~right).sum()))
     resampled_areas = [a for w in weights if not math.isnan(a := brute_area(values, right, w))]
     if resampled_areas:
-        assert (found.low, found.high) == pytest.approx(tuple(np.quantile(resampled_areas, (0.025, 0.975))))
+        low, high = np.quantile(resampled_areas, (0.025, 0.975)).tolist()
+        if low == high:
+            bound = 0.025 ** (1.0 / min(right.sum(), (~right).sum()))
+            low, high = bound * found.value, 1.0 - bound * (1.0 - found.value)
+        assert (found.low, found.high) == pytest.approx((low, high))
     assert (found.right, found.wrong) == (right.sum(), (~right).sum())
     lower = area(values, right, weights, "lower")
     assert (lower.better, lower.told) == ("lower", True)
@@ -61,6 +65,31 @@ def test_the_area_leaves_out_what_was_not_measured():
         nothing = area([1.0, 2.0, 3.0, 4.0, 5.0], right, weights)
         assert math.isnan(nothing.value) and math.isnan(nothing.low)
         assert nothing.right + nothing.wrong == 5
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "bound"), [(1, 1, 0.025), (2, 10, 0.158), (12, 12, 0.735), (300, 40, 0.912)]
+)
+def test_an_area_that_no_resample_can_change_is_as_sure_as_its_counts_allow(right, wrong, bound):
+    is_right = np.arange(right + wrong) < right
+    weights = resampled(np.arange(right + wrong), 0)
+    best = area(np.where(is_right, 2.0, 1.0), is_right, weights, "higher")
+    assert (best.value, best.high) == (1.0, 1.0) and best.low == pytest.approx(bound, abs=1e-3)
+    worst = area(np.where(is_right, 1.0, 2.0), is_right, weights, "higher")
+    assert (worst.value, worst.low) == (0.0, 0.0) and worst.high == pytest.approx(1.0 - bound, abs=1e-3)
+    tied = area(np.ones(right + wrong), is_right, weights, "higher")
+    assert (tied.low, tied.high) == pytest.approx((bound / 2.0, 1.0 - bound / 2.0), abs=1e-3)
+
+
+def test_the_interval_of_a_perfect_area_holds_the_truth_about_as_often_as_it_says():
+    """Of numbers that tell in 0.85 of all pairs, few things often look as if they always told."""
+    rng = np.random.default_rng(5)
+    missed = 0
+    for seed in range(300):
+        is_right = np.arange(10) < 4
+        found = area(rng.normal(1.4657 * is_right), is_right, resampled(np.arange(10), seed, 50), "higher")
+        missed += found.value == 1.0 and found.low > 0.85
+    assert missed <= 15  # of 300
 
 
 @settings(max_examples=60, deadline=None)

@@ -87,7 +87,7 @@ def test_an_interrupt_leaves_no_process_and_no_traceback(evaluating, enough, sen
     wait_until(evaluating.pid, enough)
     send(evaluating.pid, signal.SIGINT)
     out, err = evaluating.communicate(timeout=60)  # returns when nobody holds the streams any more
-    assert (evaluating.returncode, out, err) == (130, "", "mapgraft: interrupted; nothing was written\n")
+    assert (evaluating.returncode, out, err) == (130, "", "mapgraft: interrupted; no result was written\n")
     wait_until(evaluating.pid, gone)  # who closes its streams as it ends is still listed for a moment
 
 

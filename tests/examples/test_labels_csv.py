@@ -7,11 +7,15 @@ import io
 from datetime import UTC, datetime, timedelta
 from itertools import count
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from toy_examples import RUN, write_toys
 
+from mapgraft.cli import invoke
 from mapgraft.contracts import Transform
 from mapgraft.errors import UsageError
 from mapgraft.examples import ExampleFolder, ExampleKey, put_at, transform_of
@@ -80,7 +84,7 @@ def test_everything_that_was_said_goes_out_if_it_is_wanted(out):
 
 def test_a_line_by_hand_needs_little(out):
     path = out / "hand.csv"
-    path.write_text("example_id,label,x_m,y_m,yaw_rad\nalpha.beta.7,wrong,1.5,-2,0.5\nalpha.beta.8,unsure,,,\n")
+    path.write_text("example_id,label,x_m,y_m,yaw_rad\nalpha.beta.7,wrong,1.5,-2,0.5\nalpha.beta.8,Unsure,,,\n")
     assert imported(ExampleFolder(out), path, "eve", clock=NOON) == (2, 0)
     labels = ExampleFolder(out).labels()
     word = labels[ExampleKey(RUN, "alpha.beta.7"), "eve"]
@@ -90,12 +94,62 @@ def test_a_line_by_hand_needs_little(out):
     assert word.T_judged is not None and labels[ExampleKey(RUN, "alpha.beta.8"), "eve"].T_receiver_donor is None
 
 
+LINES = st.lists(
+    st.tuples(
+        st.sampled_from(("alpha.beta.7", "alpha.beta.8")),
+        st.sampled_from(("right", "wrong", "unsure", "withdrawn")),
+        st.sampled_from(("eve", "")),
+        st.sampled_from(("", "2026-03-01T12:00:00Z", "2026-03-01T12:00:07Z")),
+        st.sampled_from(("", "not here")),
+    ),
+    max_size=8,
+)
+
+
+@settings(max_examples=25, deadline=None)
+@given(LINES)
+def test_the_same_file_twice_is_once(lines):
+    with TemporaryDirectory() as made:
+        out = Path(made)
+        write_toys(out, 12)
+        path = out / "hand.csv"
+        text = "".join(",".join(line) + "\n" for line in lines)
+        path.write_text("example_id,label,annotator,labelled_at,comment\n" + text)
+        added, before = imported(ExampleFolder(out), path, "ann", clock=NOON)
+        assert added + before == len(lines)
+        words = exported([ExampleFolder(out)], everything=True)
+        assert words[1] == added
+        assert imported(ExampleFolder(out), path, "ann", clock=NOON + timedelta(days=1)) == (0, len(lines))
+        assert exported([ExampleFolder(out)], everything=True) == words
+        untimed = {(one, by or "ann"): verdict for one, verdict, by, said, _ in lines if not said}
+        last = {(word.key.example_id, word.annotator): word.label for word in ExampleFolder(out).words()}
+        assert untimed.items() <= last.items()  # a line without a time is later than all that have one
+
+
+@pytest.mark.parametrize("further", ["wrong,", "right,looked again"])
+def test_a_line_without_a_time_is_new_where_it_is_not_the_last_word(out, further):
+    path = out / "hand.csv"
+    for line, expected in (("right,", (1, 0)), (further, (1, 0)), ("right,", (1, 0)), ("right,", (0, 1))):
+        path.write_text(f"example_id,label,comment\nalpha.beta.7,{line}\n")
+        assert imported(ExampleFolder(out), path, "eve", clock=NOON) == expected
+    path.write_text("example_id,label,x_m,y_m,yaw_rad\nalpha.beta.7,right,9,9,0\n")
+    assert imported(ExampleFolder(out), path, "eve", clock=NOON) == (1, 0)
+    path.write_text("example_id,label\nalpha.beta.1,right\n")
+    assert imported(ExampleFolder(out), path, "ann", clock=NOON) == (0, 1)  # said on the page
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
         ("id,label\n1,right\n", "has no column example_id"),
         ("example_id,label\nalpha.beta.1,maybe\n", "line 2: a label is one of right, wrong, unsure, withdrawn"),
-        ("example_id,label\nalpha.beta.99,right\n", "line 2: .* no single example 'alpha.beta.99'"),
+        ("example_id,label\nalpha.beta.99,right\n", "line 2: .* has no example 'alpha.beta.99'$"),
+        (f"example_id,run_id,label\nalpha.beta.99,{RUN},right\n", f"no example 'alpha.beta.99' of the run {RUN}$"),
+        (
+            "example_id,run_id,label\nalpha.beta.1,r7,right\n",
+            f"line 2: .* holds the run {RUN}, not r7: name the folder",
+        ),
+        ("example_id;label\nalpha.beta.1;right\n", "found example_id;label; values are separated by commas$"),
         ("example_id,label\nalpha.beta.1,right,7\n", "line 2: more values than the first line names"),
         ("example_id,label,x_m\nalpha.beta.1,right,1\n", "line 2: a pose is x_m, y_m and yaw_rad"),
         ("example_id,label,x_m\nalpha.beta.1,right,inf\n", "line 2: x_m is a finite number, found 'inf'"),
@@ -114,6 +168,12 @@ def test_a_line_that_does_not_fit_is_named_and_nothing_is_added(out, text, said)
     with pytest.raises(UsageError, match=said):
         imported(ExampleFolder(out), path)
     assert len(ExampleFolder(out).words()) == len(before)
+
+
+@pytest.mark.parametrize(("to", "said"), [(".", "that is a folder; name a file"), ("no/l.csv", "does not exist")])
+def test_where_no_file_can_be_is_said_before_anything_is_read(out, capsys, to, said):
+    assert invoke(["labels", "export", str(out / "nowhere"), "-o", str(out / to)]) == 2
+    assert f"--out {out / to}: " in (told := capsys.readouterr().err) and said in told
 
 
 def test_what_is_no_text_is_refused(out):

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from ruamel.yaml import YAML
 from toy_examples import ENVIRONMENTS, RUN, write_toys
 
+from mapgraft.cli import invoke
 from mapgraft.contracts import Transform
 from mapgraft.errors import OutputError, UsageError
 from mapgraft.examples import ExampleFolder, ExampleKey, transform_of
@@ -296,8 +297,23 @@ def test_a_split_that_is_none_is_refused(toys, tmp_path, split):
     assert not (tmp_path / "data").exists()
 
 
+def test_a_split_of_a_building_without_examples_is_remarked_upon(toys, tmp_path, capsys):
+    to = ["-o", str(tmp_path / "data"), "--split", "nowhere=test"]
+    assert invoke(["dataset", str(toys), *to, "--split", "intel=train"]) == 0
+    told = " ".join(capsys.readouterr().err.split())
+    assert "no example in the dataset is of nowhere: what --split says of that is for examples to come" in told
+    assert "intel" not in told and "no building" not in told
+
+
 def test_a_folder_without_examples_is_named(tmp_path):
     with pytest.raises(UsageError, match="has no examples: run or evaluate with --examples"):
+        publish([tmp_path], tmp_path / "data")
+    with pytest.raises(UsageError, match=f"there is no folder {tmp_path / 'nowhere'}: name the folder of a run"):
+        publish([tmp_path / "nowhere"], tmp_path / "data")
+    partial = tmp_path / "examples" / "run_id=r1" / ".part-00000.parquet.partial"
+    partial.parent.mkdir(parents=True)
+    partial.touch()
+    with pytest.raises(UsageError, match="has no examples yet, because the run there is not finished"):
         publish([tmp_path], tmp_path / "data")
 
 

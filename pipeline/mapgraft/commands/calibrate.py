@@ -21,6 +21,7 @@ from mapgraft.calibrate.rules import written
 from mapgraft.calibrate.table import rules_text
 from mapgraft.calibrate.transfer import SAID_OF, Target
 from mapgraft.commands.unread import tell_unread
+from mapgraft.commands.written_file import require_no_folder
 from mapgraft.config import Config
 from mapgraft.console import cell, print_json, remarks, results
 from mapgraft.decision import Rule, build_table
@@ -115,6 +116,7 @@ def _remark(sentences: Sequence[str]) -> None:
 def _collect(path: Path, rules: Sequence[Rule], datasets: Sequence[Path]) -> None:
     if datasets:
         raise UsageError("--collecting writes the rules to collect examples by: it goes without examples")
+    require_no_folder("--collecting", path)
     _write(path.parent, {path.name: collecting_text(rules)})
     results().print(cell(f"{path}: evaluate recordings with --rules {path} --examples FOLDER, then calibrate FOLDER"))
 

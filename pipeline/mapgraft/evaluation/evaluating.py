@@ -61,7 +61,7 @@ def evaluate(
     or those of a pair, to lie goes before what was recorded. ``examples`` is a folder to which every pair is written
     as an example. Raises MapgraftError with one sentence when something does not fit.
     """
-    from mapgraft.evaluation.exemplified import Identified, joined_by, told_of
+    from mapgraft.evaluation.exemplified import Identified, joined_by, told_of, unused_of
 
     _check_jobs(jobs)
     courses = load_courses(files, config, plugins)
@@ -70,13 +70,17 @@ def evaluate(
     joints = {} if truth is None else joined_by(truth, courses)
     courses = joined(courses, joints)
     identified = Identified.of(files, Bench(courses, config, plugins, settings), joints)
+    said: list[str] = []
     if truth is not None:
         settings = replace(settings, given=told_of(truth, identified.run_id, settings.drawing.pairs))
+        said = unused_of(truth, identified.run_id, courses)
     if examples is None:
-        return evaluate_courses(courses, config, settings, plugins, jobs=jobs, progress=progress)
-    settings = replace(settings, examples=True)
-    with identified.writing(examples) as take:
-        return evaluate_courses(courses, config, settings, plugins, jobs=jobs, progress=progress, take=take)
+        evaluation = evaluate_courses(courses, config, settings, plugins, jobs=jobs, progress=progress)
+    else:
+        settings = replace(settings, examples=True)
+        with identified.writing(examples) as take:
+            evaluation = evaluate_courses(courses, config, settings, plugins, jobs=jobs, progress=progress, take=take)
+    return replace(evaluation, remarks=[*said, *evaluation.remarks])
 
 
 def evaluate_courses(

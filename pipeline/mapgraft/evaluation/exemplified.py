@@ -6,7 +6,7 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from mapgraft.examples.collecting import Collector, Origin
 from mapgraft.examples.pairs import contents_of, pair_sha256, source_of
 from mapgraft.examples.rows import NAME, examples_table
 from mapgraft.examples.truths import GIVEN, RECORDED, Known
-from mapgraft.examples.truths_csv import examples_truth, robots_truth
+from mapgraft.examples.truths_csv import examples_truth, lines_about, robots_truth
 from mapgraft.outputs.lock import DATASET, locked
 from mapgraft.outputs.parquet_log import PartWriter, other_parts
 from mapgraft.outputs.provenance import RunProvenance, run_id_of
@@ -105,6 +105,14 @@ def told_of(path: Path, run_id: str, pairs: int) -> dict[int, Transform]:
     return out
 
 
+def unused_of(path: Path, run_id: str, courses: Sequence[Course]) -> list[str]:
+    """A sentence on how many lines of a file of labels are about this evaluation, where not all are."""
+    used, there = lines_about(path, {course.robot: recording_of(course) for course in courses}, run_id)
+    if used == there:
+        return []
+    return [f"{used} of {there} lines of {path} are about these recordings or this evaluation; the others are left out"]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Identified:
     """An evaluation with its id, which is that of a run but for the first letter: equal for equal contents, settings
@@ -157,8 +165,15 @@ class Identified:
             except BaseException:
                 part.abandon()
                 staging.remove()
+                self._remove_empty(out)
                 raise
             staging.publish(gone=other_parts(out, NAME, self.run_id, staging.names))
+
+    def _remove_empty(self, out: Path) -> None:
+        """Take away the folders that were made for examples which are not to come."""
+        with suppress(OSError):  # somebody else's are in there
+            (out / NAME / f"run_id={self.run_id}").rmdir()
+            (out / NAME).rmdir()
 
 
 @dataclass(slots=True, eq=False)

@@ -35,7 +35,8 @@ class Area:
     The area under the receiver operating characteristic: the share of pairs of one right and one wrong thing of which
     the right one has the better number, ties counted half. ``better`` says which that is, ``told`` whether that was
     known beforehand; if not it is the one that tells more, and the area at least .5. ``right`` and ``wrong`` say how
-    many of each had the number.
+    many of each had the number. Where no resample can differ, as where every right thing has a better number than every
+    wrong one, the interval is what the smaller of the two counts allows (``_unvaried``).
     """
 
     right: int
@@ -129,8 +130,21 @@ def _area(values: ArrayLike, right: ArrayLike, weights: Weights) -> Area:
     if count in (0, len(given)):
         return Area(count, len(given) - count, math.nan, math.nan, math.nan)
     areas = _areas(given, is_right, np.vstack((np.ones(len(given)), weights)))
+    wrong, value = len(given) - count, float(areas[0])
     low, high = _percentiles(areas[1:][~np.isnan(areas[1:])])
-    return Area(count, len(given) - count, float(areas[0]), low, high)
+    if low == high:
+        low, high = _unvaried(value, min(count, wrong))
+    return Area(count, wrong, value, low, high)
+
+
+def _unvaried(value: float, pairs: int) -> tuple[float, float]:
+    """The interval of an area in which all resamples agree.
+
+    So many ``pairs`` of one right and one wrong thing can be made of which no two share a thing, and all went alike.
+    By Clopper and Pearson at least the share ``bound`` of all pairs goes as these did, and the others as they will.
+    """
+    bound, _ = clopper_pearson(pairs, pairs)
+    return bound * value, 1.0 - bound * (1.0 - value)
 
 
 def _areas(values: NDArray[np.float64], right: NDArray[np.bool_], weights: Weights) -> NDArray[np.float64]:

@@ -48,7 +48,8 @@ def print_tables(
             table.add_row(cell(f"  {row.name}"), *(cell(row.text(column)) for column in columns))
     names = _telling(columns)[:most]
     if names:
-        table.add_row(cell(f"area under the curve, right against wrong ({LOWER} lower is better)"), style="bold")
+        title = f"area under the curve, right against wrong ({LOWER} lower is better)"
+        table.add_row(cell(title), *(cell(f"of {_hypotheses_told(column)}") for column in columns), style="bold")
     for name in names:
         table.add_row(cell(f"  {name}"), *(cell(auc(column.summary.auc.get(name))) for column in columns))
     wide(console).print(table)
@@ -151,6 +152,10 @@ def _recall_row(name: str, number: int) -> _Row:
 
 def _hypotheses(column: Column) -> str:
     return f"{column.summary.right} / {column.summary.wrong} / {column.summary.without_hypothesis}"
+
+
+def _hypotheses_told(column: Column) -> str:
+    return f"{column.summary.right} right, {column.summary.wrong} wrong"
 
 
 def _telling(columns: Sequence[Column]) -> list[str]:

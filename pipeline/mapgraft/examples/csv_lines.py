@@ -17,6 +17,7 @@ from mapgraft.errors import TransformError, UsageError
 
 POSE: Final = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 MOST_BYTES: Final = 256 << 20  # about half a million words
+ITSELF: Final = 1e-6  # m and rad; a transform that was written down and read again is off by less
 EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 _TIME: Final = re.compile(r"([^.,]+?)(?:[.,]([0-9]+))?(Z|[+-][0-9]{2}(?::?[0-9]{2})?)?")
 
@@ -34,6 +35,10 @@ class Line:
 
     def text(self, name: str, default: str = "") -> str:
         return self.cells.get(name, default)
+
+    def label(self) -> str:
+        """What is said, in small letters: spreadsheets like to begin cells with a capital."""
+        return self.text("label").lower()
 
     def number_of(self, name: str) -> float | None:
         """A finite number; raises UsageError for anything else that is not empty."""
@@ -92,9 +97,10 @@ def lines_of(path: Path, needed: Iterable[str]) -> Iterator[Line]:
     try:
         header = [name.strip() for name in next(reader, [])]
         if missing := [name for name in needed if name not in header]:
+            found = ", ".join(header)[:200] or "nothing"
+            hint = "; values are separated by commas" if len(header) == 1 and re.search(r"[;\t]", found) else ""
             raise UsageError(
-                f"{path} has no column {', '.join(missing)}: the first line names the columns, found "
-                f"{', '.join(header)[:200] or 'nothing'}"
+                f"{path} has no column {', '.join(missing)}: the first line names the columns, found {found}{hint}"
             )
         for cells in reader:
             if len(cells) > len(header):

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import TypeVar
 
-from mapgraft.examples.csv_lines import Line, lines_of
+from mapgraft.examples.csv_lines import ITSELF, Line, lines_of
 from mapgraft.examples.truths import GIVEN, Known
 from mapgraft.persons import SAME_PLACE_M, SAME_TURN_RAD
 
 About = TypeVar("About", bound=Hashable)
-_ITSELF: Final = 1e-6  # m and rad; a transform that was written down and read again is off by less
 
 
 def robots_truth(path: Path, recordings: Mapping[str, str] | None = None) -> dict[tuple[str, str], Known]:
@@ -32,6 +31,18 @@ def examples_truth(path: Path, run_id: str) -> dict[str, Known]:
     """By example of one run or evaluation, where persons hold the donor's map to lie; raises as ``robots_truth``."""
     lines = lines_of(path, ("example_id", "label"))
     return _truths((line for line in lines if line.text("run_id") == run_id), lambda line: line.text("example_id"))
+
+
+def lines_about(path: Path, recordings: Mapping[str, str], run_id: str) -> tuple[int, int]:
+    """How many lines of such a file are about these robots or one run or evaluation, and how many there are."""
+    lines = list(lines_of(path, ("label",)))
+    used = [
+        line
+        for line in lines
+        if line.text("run_id") == run_id
+        or ({line.text("receiver"), line.text("donor")} <= recordings.keys() and _is_of(line, recordings))
+    ]
+    return len(used), len(lines)
 
 
 def _is_of(line: Line, recordings: Mapping[str, str]) -> bool:
@@ -72,17 +83,17 @@ def _last(lines: Iterable[Line]) -> list[Line]:
 def _held(line: Line) -> Known | None:
     """What a line tells of where the donor's map lies; raises UsageError where that is what it calls wrong."""
     T, T_judged = line.transform(), line.transform("judged_")
-    if T is None or line.text("label") not in ("right", "wrong"):
+    if T is None or line.label() not in ("right", "wrong"):
         return None
-    if line.text("label") == "wrong" and T_judged is not None and max(T.difference(T_judged)) < _ITSELF:
+    if line.label() == "wrong" and T_judged is not None and max(T.difference(T_judged)) < ITSELF:
         raise line.fault("it gives for right what it calls wrong: correct the label, or leave the pose out")
     return Known(T, GIVEN, line.number_of("scale") or 1.0)
 
 
 def _require_none_called_wrong(given: Sequence[tuple[Line, Known]], lines: Sequence[Line]) -> None:
     """Raises UsageError where somebody calls wrong, without another place, what somebody else holds for right."""
-    without = [line for line in lines if line.text("label") == "wrong" and line.transform() is None]
-    for right in (line for line, _ in given if line.text("label") == "right"):
+    without = [line for line in lines if line.label() == "wrong" and line.transform() is None]
+    for right in (line for line, _ in given if line.label() == "right"):
         for wrong in without:
             if _same_judged(right, wrong):
                 raise wrong.fault(
