@@ -19,7 +19,7 @@ from mapgraft.annotate.shown import Outcome, Place, Shown, Which
 from mapgraft.annotate.telling import OUTCOME, SHOWN, outcome_of, shown_of
 from mapgraft.annotate.uncertainty import COLUMNS, uncertainty
 from mapgraft.contracts import Transform
-from mapgraft.errors import MapError, MapgraftError, TransformError, UsageError
+from mapgraft.errors import MapError, MapgraftError, OutputError, TransformError, UsageError
 from mapgraft.examples import ExampleFolder, ExampleKey, Word, published_words, put_at, transform_of
 from mapgraft.examples.reading import EXAMPLES
 from mapgraft.outputs.label_parts import gather
