@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
 import struct
+import subprocess
+import sys
+import tempfile
 import zlib
 from collections.abc import Callable
 from html.parser import HTMLParser
@@ -132,12 +136,14 @@ def test_labels_that_lead_elsewhere_are_not_followed(out: Path, tmp_path: Path, 
 
 
 def test_what_cannot_be_written_is_said_and_not_counted(serve: Callable, out: Path):
-    (out / "labels").write_text("in the way")
     client = serve(out)
     n = client.get().n
+    (out / "labels").write_text("in the way")
     refused = client.label(n, "right")
     assert refused.status == 503 and "in the way" in refused.text
     assert client.get().n == n and client.get(f"revealed/{n}").status == 403
+    with pytest.raises(OutputError, match="labels is no folder, and answers are written to one of that name"):
+        open_folders([out])
     (out / "labels").unlink()
     assert client.label(n, "right").status == 200
 
@@ -245,3 +251,37 @@ def test_bytes_that_were_damaged_later_are_passed_over(out: Path):
         desk.say(n, "anna", Answer("right"))
         seen += 1
     assert seen < 59
+
+
+READ_ONLY = """
+import os, sys
+from pathlib import Path
+
+from mapgraft.annotate.opened import open_folders
+from mapgraft.errors import OutputError
+
+if os.geteuid() == 0:
+    os.setuid(65534)  # root may write anywhere
+try:
+    open_folders([Path(sys.argv[1])])
+except OutputError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize("locked", [".", "labels", f"labels/run_id={RUN}"])
+def test_who_may_not_write_answers_is_told_before_the_first(out: Path, locked: str):
+    open_folders([out])
+    there = Path(tempfile.mkdtemp())  # where every user may come, which pytest's own folders are not for
+    there.chmod(0o755)
+    folder = shutil.copytree(out, there / "out")
+    if locked != ".":
+        (folder / locked).mkdir(parents=True)
+    for path in (folder, *folder.rglob("*")):
+        path.chmod(0o777)
+    (folder / locked).chmod(0o555)
+    done = subprocess.run([sys.executable, "-c", READ_ONLY, str(folder)], capture_output=True, text=True, check=False)
+    (folder / locked).chmod(0o755)
+    shutil.rmtree(there)
+    assert done.stderr == ""
+    assert done.stdout.startswith(f"{folder / locked} is read-only for this user, and answers are written there")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
@@ -186,7 +187,11 @@ class Opened:
 
 
 def open_folders(paths: Sequence[Path]) -> Opened:
-    """The examples of these folders; raises UsageError, with the folder's name, for one that has none."""
+    """The examples of these folders.
+
+    Raises UsageError, with the folder's name, for one that has none, and OutputError for one where no answer could be
+    written down.
+    """
     distinct = dict[Path, Path]()
     for path in paths:
         if not path.is_dir():
@@ -195,7 +200,10 @@ def open_folders(paths: Sequence[Path]) -> Opened:
     try:
         for path in distinct.values():
             _require_few(path)
-        return Opened([ExampleFolder(path) for path in distinct.values()])
+        opened = Opened([ExampleFolder(path) for path in distinct.values()])
+        for path in opened.paths:
+            _require_writable(path)
+        return opened
     except MapgraftError:
         raise
     except UNREADABLE as error:
@@ -209,6 +217,19 @@ def _require_few(path: Path) -> None:
     rows = sum(pq.read_metadata(part).num_rows for part in sorted((path / EXAMPLES).glob("**/part-*.parquet")))
     if rows > MOST_EXAMPLES:
         raise UsageError(f"{path} has {rows} examples, more than {MOST_EXAMPLES}: open fewer at a time")
+
+
+def _require_writable(path: Path) -> None:
+    """Raises OutputError where this user may not write the labels of a folder: nobody is to judge for nothing."""
+    labels = path / "labels"
+    if labels.exists() and not labels.is_dir():
+        raise OutputError(f"{labels} is no folder, and answers are written to one of that name: move it away")
+    for folder in (labels, *labels.glob("run_id=*")) if labels.exists() else (path,):
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise OutputError(
+                f"{folder} is read-only for this user, and answers are written there: change that, or copy {path} to "
+                "where you may write"
+            )
 
 
 def checked_picture(data: bytes | None) -> bytes:
