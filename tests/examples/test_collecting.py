@@ -228,7 +228,7 @@ def test_a_run_that_was_ended_leaves_what_was_whole_and_ends_with_the_same_bytes
     (partial,) = tmp_path.glob("examples/run_id=*/.part-*.partial")
     whole = pl.read_parquet(partial)["example_id"].to_list()
     assert whole == [key.example_id for key in ran.folder.keys][: len(whole)] and "alpha.bravo.1" in whole
-    with pytest.raises(UsageError, match="has no examples"):
+    with pytest.raises(UsageError, match="has no examples yet, because the run there is not finished"):
         ExampleFolder(tmp_path)
     mapgraft.run(files, ran.config, tmp_path)
     (ours,), (theirs,) = (sorted(folder.glob("examples/**/*.parquet")) for folder in (tmp_path, ran.out))

@@ -232,6 +232,13 @@ def test_a_split_that_is_none_is_refused(toys, tmp_path, split):
 def test_a_folder_without_examples_is_named(tmp_path):
     with pytest.raises(UsageError, match="has no examples: run or evaluate with --examples"):
         publish([tmp_path], tmp_path / "data")
+    with pytest.raises(UsageError, match=f"there is no folder {tmp_path / 'nowhere'}: name the folder of a run"):
+        publish([tmp_path / "nowhere"], tmp_path / "data")
+    partial = tmp_path / "examples" / "run_id=r1" / ".part-00000.parquet.partial"
+    partial.parent.mkdir(parents=True)
+    partial.touch()
+    with pytest.raises(UsageError, match="has no examples yet, because the run there is not finished"):
+        publish([tmp_path], tmp_path / "data")
 
 
 def test_a_publication_that_is_killed_leaves_the_dataset_or_its_successor(toys, tmp_path):

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from mapgraft.contracts import Transform
 from mapgraft.errors import TransformError, UsageError
 from mapgraft.outputs.label_parts import LabelParts
+from mapgraft.outputs.staging import SUFFIX
 from mapgraft.persons import SAME_PLACE_M, SAME_TURN_RAD
 
 EXAMPLES: Final = "examples"
@@ -82,9 +83,7 @@ class ExampleFolder:
         self.path = path
         self.files = sorted((path / EXAMPLES).glob("**/part-*.parquet"))
         if not self.files:
-            raise UsageError(
-                f"{path} has no examples: run or evaluate with --examples, or name a folder that holds {EXAMPLES}/"
-            )
+            raise UsageError(_without_examples(path))
         self._lock = threading.Lock()
         self._opened: dict[int, pq.ParquetFile] = {}
         self._places: dict[ExampleKey, _Place] = {}
@@ -190,6 +189,15 @@ class ExampleFolder:
             except (OSError, pa.ArrowInvalid) as error:
                 raise UsageError(f"{self.files[number]} cannot be read ({error}): make it again") from error
         return self._opened[number]
+
+
+def _without_examples(path: Path) -> str:
+    """A sentence on a folder in which there are none."""
+    if not path.is_dir():
+        return f"there is no folder {path}: name the folder of a run, an evaluation or a dataset"
+    if any(path.glob(f"*{SUFFIX}")) or any((path / EXAMPLES).glob(f"**/*{SUFFIX}")):
+        return f"{path} has no examples yet, because the run there is not finished: wait for it, or run it again"
+    return f"{path} has no examples: run or evaluate with --examples, or name a folder that holds {EXAMPLES}/"
 
 
 def all_words(folders: Sequence[ExampleFolder]) -> list[Word]:
