@@ -111,6 +111,7 @@ def test_maps_that_are_unlike_take_the_guarantee_away(
         (["{folder}", "-o", "{tmp}/out", "--without", "a", "--without", "b"], "(800 left out by name)"),
         (["{folder}", "-o", "{tmp}/out", "--score", "no.such"], "no example tells the number no.such"),
         (["{folder}", "--collecting", "{tmp}/c.yaml"], "goes without examples"),
+        (["--collecting", "{tmp}"], "--collecting {tmp}: that is a folder; name a file"),
     ],
 )
 def test_what_does_not_fit_is_told_in_one_sentence(

@@ -52,6 +52,7 @@ def test_tables_for_persons_and_json_for_machines(recording, tmp_path, capsys):
         assert re.search(rf"^{line}", table, re.MULTILINE)
     assert re.search(r"^  all +4 +4 *$", table, re.MULTILINE)
     assert re.search(r"^  match( +[\d.e+]+ ms \([\d.e+]+\), [\d.e+]+){2} *$", table, re.MULTILINE)
+    assert table.endswith(f"\nWritten to {out}\n")
     content = json.loads(out.read_text())
     assert content["format"] == "mapgraft evaluation 1"
     assert [file["path"] for file in content["files"]] == [str(recording)]
@@ -108,9 +109,9 @@ def test_where_all_pairs_are_turned_away_only_that_is_said(recording, tmp_path, 
     (tmp_path / "rules.yaml").write_text(
         "- {name: none, when: {own.type: occupancy_grid}, reject: nothing is wanted}\n"
     )
-    options = ("--rules", str(tmp_path / "rules.yaml"), "--no-baseline")
+    options = ("--rules", str(tmp_path / "rules.yaml"), "--no-baseline", "--examples", str(tmp_path / "examples"))
     code, out, err = said(capsys, str(recording), *SMALL, *options)
-    assert (code, out) == (0, "")
+    assert (code, out) == (0, f"Examples written to {tmp_path / 'examples'}\n")
     assert err.startswith("4 of 4 pairs were turned away by the decision table: ")
 
 

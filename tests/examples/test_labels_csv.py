@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from toy_examples import RUN, write_toys
 
+from mapgraft.cli import invoke
 from mapgraft.contracts import Transform
 from mapgraft.errors import UsageError
 from mapgraft.examples import ExampleFolder, ExampleKey, put_at, transform_of
@@ -161,6 +162,12 @@ def test_a_line_that_does_not_fit_is_named_and_nothing_is_added(out, text, said)
     with pytest.raises(UsageError, match=said):
         imported(ExampleFolder(out), path)
     assert len(ExampleFolder(out).words()) == len(before)
+
+
+@pytest.mark.parametrize(("to", "said"), [(".", "that is a folder; name a file"), ("no/l.csv", "does not exist")])
+def test_where_no_file_can_be_is_said_before_anything_is_read(out, capsys, to, said):
+    assert invoke(["labels", "export", str(out / "nowhere"), "-o", str(out / to)]) == 2
+    assert f"--out {out / to}: " in (told := capsys.readouterr().err) and said in told
 
 
 def test_what_is_no_text_is_refused(out):

@@ -19,6 +19,7 @@ from mapgraft.calibrate.page import page_of
 from mapgraft.calibrate.table import rules_text, written
 from mapgraft.calibrate.transfer import Target
 from mapgraft.commands.unread import tell_unread
+from mapgraft.commands.written_file import require_no_folder
 from mapgraft.config import Config
 from mapgraft.console import cell, print_json, remarks, results
 from mapgraft.decision import Rule, build_table
@@ -96,6 +97,7 @@ def calibrate_and_show(
 def _collect(path: Path, rules: Sequence[Rule], datasets: Sequence[Path]) -> None:
     if datasets:
         raise UsageError("--collecting writes the rules to collect examples by: it goes without examples")
+    require_no_folder("--collecting", path)
     _write(path.parent, path.name, collecting_text(rules))
     results().print(cell(f"{path}: evaluate recordings with --rules {path} --examples FOLDER, then calibrate FOLDER"))
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from mapgraft.commands.progress import counting
+from mapgraft.commands.written_file import require_writable
 from mapgraft.console import cell, print_json, remarks, results
 from mapgraft.errors import UsageError
 from mapgraft.evaluation.bench import Settings
@@ -37,7 +37,7 @@ def evaluate_and_show(
     if not files:
         raise UsageError("name recordings whose poses can be trusted: mapgraft evaluate FILE…")
     if json_out is not None and json_out != STDOUT:
-        _require_writable(Path(json_out))
+        require_writable("--json", Path(json_out))
     plugins, checked = load_plugins(without), as_config(config)
     for broken in plugins.broken:
         remarks().print(cell(f"the plugin {broken.origin.plugin} could not be loaded: {broken.reason}"), style="yellow")
@@ -61,25 +61,18 @@ def evaluate_and_show(
         _write(Path(json_out), json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
     for sentence in evaluation.remarks:
         remarks().print(cell(sentence), style="yellow")
-    if all(summary.rejected == summary.pairs for summary in evaluation.summaries.values()):
-        return  # there is nothing to count, and a remark says why
-    print_tables(
-        results(),
-        [
-            Column(title, evaluation.summaries[name], evaluation.times[name])
-            for name, title in evaluation.titles.items()
-        ],
-    )
-
-
-def _require_writable(path: Path) -> None:
-    """Raises UsageError where a file cannot be, before anything is computed for it."""
-    if path.is_dir():
-        raise UsageError(f"--json {path}: that is a folder; name a file")
-    if not path.absolute().parent.is_dir():
-        raise UsageError(f"--json {path}: its folder does not exist; make it, or write elsewhere")
-    if not os.access(path if path.exists() else path.absolute().parent, os.W_OK):
-        raise UsageError(f"--json {path}: this user may not write there; write elsewhere")
+    if any(summary.rejected < summary.pairs for summary in evaluation.summaries.values()):
+        print_tables(
+            results(),
+            [
+                Column(title, evaluation.summaries[name], evaluation.times[name])
+                for name, title in evaluation.titles.items()
+            ],
+        )  # else there is nothing to count, and a remark says why
+    if json_out is not None:
+        results().print(cell(f"Written to {json_out}"), soft_wrap=True)
+    if examples is not None:
+        results().print(cell(f"Examples written to {examples}"), soft_wrap=True)
 
 
 def _write(path: Path, text: str) -> None:

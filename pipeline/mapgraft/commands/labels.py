@@ -6,19 +6,18 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mapgraft.commands.unread import tell_unread
+from mapgraft.commands.written_file import require_writable
 from mapgraft.console import cell, results
-from mapgraft.errors import UsageError
 from mapgraft.examples.labels_csv import exported, imported
 from mapgraft.examples.reading import ExampleFolder
 from mapgraft.outputs.staging import writing
 
 
 def export_and_show(outs: Sequence[Path], to: Path, *, everything: bool) -> None:
-    """Write the words to a file; raises UsageError where a folder has no examples."""
+    """Write the words to a file; raises UsageError where a folder has no examples, or there can be no such file."""
+    require_writable("--out", to)
     tell_unread(outs)
     text, count = exported([ExampleFolder(out) for out in outs], everything=everything)
-    if not to.absolute().parent.is_dir():
-        raise UsageError(f"--out {to}: its folder does not exist; make it, or write elsewhere")
     with writing(to):
         to.write_text(text, encoding="utf-8")
     results().print(cell(f"{count} words written to {to}"))
