@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from ruamel.yaml import YAML
 from toy_examples import ENVIRONMENTS, RUN, write_toys
 
+from mapgraft.cli import invoke
 from mapgraft.contracts import Transform
 from mapgraft.errors import OutputError, UsageError
 from mapgraft.examples import ExampleFolder, ExampleKey, transform_of
@@ -227,6 +228,14 @@ def test_a_split_that_is_none_is_refused(toys, tmp_path, split):
     with pytest.raises(UsageError, match=r"--split wants one ENVIRONMENT=train\|validation\|test"):
         publish([toys], tmp_path / "data", split)
     assert not (tmp_path / "data").exists()
+
+
+def test_a_split_of_a_building_without_examples_is_remarked_upon(toys, tmp_path, capsys):
+    to = ["-o", str(tmp_path / "data"), "--split", "nowhere=test"]
+    assert invoke(["dataset", str(toys), *to, "--split", "intel=train"]) == 0
+    told = " ".join(capsys.readouterr().err.split())
+    assert "no example in the dataset is of nowhere: what --split says of that is for examples to come" in told
+    assert "intel" not in told and "no building" not in told
 
 
 def test_a_folder_without_examples_is_named(tmp_path):

@@ -9,7 +9,8 @@ from pathlib import Path
 from mapgraft.commands.unread import tell_unread
 from mapgraft.console import cell, print_json, remarks, results
 from mapgraft.errors import UsageError
-from mapgraft.examples.publishing import publish
+from mapgraft.examples.publishing import Published, publish
+from mapgraft.examples.reading import ExampleFolder
 
 
 def publish_and_show(
@@ -17,7 +18,8 @@ def publish_and_show(
 ) -> None:
     """Publish, and say what the dataset holds now."""
     tell_unread([*outs, dataset])
-    published = publish(outs, dataset, dict(_split(text) for text in splits), licence)
+    wanted = dict(_split(text) for text in splits)
+    published = publish(outs, dataset, wanted, licence)
     if as_json:
         print_json({"rows": published.rows, **asdict(published)})
         return
@@ -28,9 +30,22 @@ def publish_and_show(
     if between := sum(published.left_out.values()):
         said = f"{between} examples of two buildings were left out, because the two are in different splits"
         remarks().print(cell(f"{said}: --split ENVIRONMENT=… puts buildings elsewhere"), style="yellow")
+    if absent := sorted(wanted.keys() - _environments_in(dataset, published)):
+        said = (
+            f"no example in the dataset is of {' or '.join(absent)}: what --split says of that is for examples to come"
+        )
+        remarks().print(cell(said), style="yellow")
     if empty := [split for split, rows in published.rows.items() if not rows]:
-        said = f"no building is in {' and '.join(empty)}"
+        said = f"no example is in {' and '.join(empty)}"
         remarks().print(cell(f"{said}: --split ENVIRONMENT={empty[0]} puts one there"), style="yellow")
+
+
+def _environments_in(dataset: Path, published: Published) -> set[str]:
+    """The buildings of which the dataset has examples."""
+    if not published.parts:
+        return set()
+    column = ExampleFolder(dataset).rows(["environment"])["environment"]
+    return {name for environment in column.unique().to_pylist() for name in environment.split("+")}
 
 
 def _split(text: str) -> tuple[str, str]:
