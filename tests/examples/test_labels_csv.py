@@ -84,7 +84,7 @@ def test_everything_that_was_said_goes_out_if_it_is_wanted(out):
 
 def test_a_line_by_hand_needs_little(out):
     path = out / "hand.csv"
-    path.write_text("example_id,label,x_m,y_m,yaw_rad\nalpha.beta.7,wrong,1.5,-2,0.5\nalpha.beta.8,unsure,,,\n")
+    path.write_text("example_id,label,x_m,y_m,yaw_rad\nalpha.beta.7,wrong,1.5,-2,0.5\nalpha.beta.8,Unsure,,,\n")
     assert imported(ExampleFolder(out), path, "eve", clock=NOON) == (2, 0)
     labels = ExampleFolder(out).labels()
     word = labels[ExampleKey(RUN, "alpha.beta.7"), "eve"]
@@ -143,7 +143,13 @@ def test_a_line_without_a_time_is_new_where_it_is_not_the_last_word(out, further
     [
         ("id,label\n1,right\n", "has no column example_id"),
         ("example_id,label\nalpha.beta.1,maybe\n", "line 2: a label is one of right, wrong, unsure, withdrawn"),
-        ("example_id,label\nalpha.beta.99,right\n", "line 2: .* no single example 'alpha.beta.99'"),
+        ("example_id,label\nalpha.beta.99,right\n", "line 2: .* has no example 'alpha.beta.99'$"),
+        (f"example_id,run_id,label\nalpha.beta.99,{RUN},right\n", f"no example 'alpha.beta.99' of the run {RUN}$"),
+        (
+            "example_id,run_id,label\nalpha.beta.1,r7,right\n",
+            f"line 2: .* holds the run {RUN}, not r7: name the folder",
+        ),
+        ("example_id;label\nalpha.beta.1;right\n", "found example_id;label; values are separated by commas$"),
         ("example_id,label\nalpha.beta.1,right,7\n", "line 2: more values than the first line names"),
         ("example_id,label,x_m\nalpha.beta.1,right,1\n", "line 2: a pose is x_m, y_m and yaw_rad"),
         ("example_id,label,x_m\nalpha.beta.1,right,inf\n", "line 2: x_m is a finite number, found 'inf'"),

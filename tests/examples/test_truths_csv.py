@@ -69,6 +69,12 @@ def test_a_corrected_transform_is_the_truth_about_its_robots(tmp_path):
         robots_truth(path)
 
 
+def test_a_label_may_begin_with_a_capital(tmp_path):
+    path = tmp_path / "truth.csv"
+    path.write_text("receiver,donor,label,x_m,y_m,yaw_rad\nann,bob,Right,1,2,0.5\nann,cid,RIGHT,1,2,0.5\n")
+    assert robots_truth(path).keys() == {("ann", "bob"), ("ann", "cid")}
+
+
 def test_a_corrected_transform_is_the_truth_about_its_example(out):
     say(out, 0, "right", "ann")
     say(out, 1, "wrong", "ann", MOVED)

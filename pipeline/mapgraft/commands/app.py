@@ -437,7 +437,7 @@ def labels_export(
 def labels_import(
     out: Annotated[Path, typer.Argument(help="The folder of a run or an evaluation, or a dataset.")],
     files: Annotated[list[Path], typer.Argument(metavar="CSV…", help="As labels export writes them.")],
-    by: Annotated[str, typer.Option("--by", help="Who says so, where a line names nobody.")] = "",
+    by: Annotated[str, typer.Option("--by", help="Who says so, where a line names nobody; else 'person'.")] = "",
     debug: Debug = False,
 ) -> None:
     """Add what CSV files say of examples to the labels of a folder; what is there already is not added again."""

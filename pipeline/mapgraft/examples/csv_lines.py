@@ -36,6 +36,10 @@ class Line:
     def text(self, name: str, default: str = "") -> str:
         return self.cells.get(name, default)
 
+    def label(self) -> str:
+        """What is said, in small letters: spreadsheets like to begin cells with a capital."""
+        return self.text("label").lower()
+
     def number_of(self, name: str) -> float | None:
         """A finite number; raises UsageError for anything else that is not empty."""
         if (text := self.text(name)) == "":
@@ -93,9 +97,10 @@ def lines_of(path: Path, needed: Iterable[str]) -> Iterator[Line]:
     try:
         header = [name.strip() for name in next(reader, [])]
         if missing := [name for name in needed if name not in header]:
+            found = ", ".join(header)[:200] or "nothing"
+            hint = "; values are separated by commas" if len(header) == 1 and re.search(r"[;\t]", found) else ""
             raise UsageError(
-                f"{path} has no column {', '.join(missing)}: the first line names the columns, found "
-                f"{', '.join(header)[:200] or 'nothing'}"
+                f"{path} has no column {', '.join(missing)}: the first line names the columns, found {found}{hint}"
             )
         for cells in reader:
             if len(cells) > len(header):

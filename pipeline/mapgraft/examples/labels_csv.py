@@ -47,8 +47,9 @@ def imported(folder: ExampleFolder, path: Path, annotator: str = "", clock: date
     """Add what a CSV file says to the labels of a folder; how many words were added, and how many were there before.
 
     A line needs ``example_id`` and ``label``, and ``run_id`` where the folder has several runs; who says it is
-    ``annotator`` where the line names nobody. Where it tells no time it is said now (``clock``), if it is not what its
-    annotator has said last. Raises UsageError for the first line that does not fit, and then nothing is added.
+    ``annotator`` where the line names nobody, and "person" where that is empty. Where it tells no time it is said now
+    (``clock``), if it is not what its annotator has said last. Raises UsageError for the first line that does not fit,
+    and then nothing is added.
     """
     columns = ["run_id", "example_id", "receiver", "donor", "T_receiver_donor"]
     about = {ExampleKey(row["run_id"], row["example_id"]): row for row in folder.rows(columns).to_pylist()}
@@ -115,20 +116,27 @@ def _says_again(word: Word, before: Word) -> bool:
 
 def _key_of(line: Line, folder: ExampleFolder) -> ExampleKey:
     example_id, run_id = line.text("example_id"), line.text("run_id")
-    runs = {run_id} if run_id else {key.run_id for key in folder.keys}
-    found = [key for one in sorted(runs) if (key := ExampleKey(one, example_id)) in folder]
-    if len(found) != 1:
-        why = "none" if not found else f"{len(found)} runs have it: name the run_id"
-        raise line.fault(f"{folder.path} has no single example {example_id!r} of run {run_id or '(any)'}: {why}")
+    here = sorted({key.run_id for key in folder.keys})
+    if run_id and run_id not in here:
+        raise line.fault(f"{folder.path} holds {_listed(here)}, not {run_id}: name the folder of that run")
+    found = [key for one in ([run_id] if run_id else here) if (key := ExampleKey(one, example_id)) in folder]
+    if not found:
+        raise line.fault(f"{folder.path} has no example {example_id!r}" + (f" of the run {run_id}" if run_id else ""))
+    if len(found) > 1:
+        raise line.fault(f"{folder.path} has an example {example_id!r} of {len(found)} runs: name the run_id")
     return found[0]
+
+
+def _listed(runs: Sequence[str]) -> str:
+    return f"the run {runs[0]}" if len(runs) == 1 else f"{len(runs)} runs ({', '.join(runs[:3])}, …)"
 
 
 def _word_of(
     line: Line, key: ExampleKey, about: Mapping[ExampleKey, Mapping[str, Any]], annotator: str, said_ns: int
 ) -> Word:
-    label = line.text("label")
+    label = line.label()
     if label not in get_args(Verdict):
-        raise line.fault(f"a label is one of {', '.join(get_args(Verdict))}, found {label!r}")
+        raise line.fault(f"a label is one of {', '.join(get_args(Verdict))}, found {line.text('label')!r}")
     judged = line.transform("judged_") or transform_of(about[key]["T_receiver_donor"])
     held = line.transform() or (judged if label == "right" else None)
     by = line.text("annotator") or annotator or NOBODY_NAMED

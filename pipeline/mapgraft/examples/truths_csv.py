@@ -83,17 +83,17 @@ def _last(lines: Iterable[Line]) -> list[Line]:
 def _held(line: Line) -> Known | None:
     """What a line tells of where the donor's map lies; raises UsageError where that is what it calls wrong."""
     T, T_judged = line.transform(), line.transform("judged_")
-    if T is None or line.text("label") not in ("right", "wrong"):
+    if T is None or line.label() not in ("right", "wrong"):
         return None
-    if line.text("label") == "wrong" and T_judged is not None and max(T.difference(T_judged)) < ITSELF:
+    if line.label() == "wrong" and T_judged is not None and max(T.difference(T_judged)) < ITSELF:
         raise line.fault("it gives for right what it calls wrong: correct the label, or leave the pose out")
     return Known(T, GIVEN, line.number_of("scale") or 1.0)
 
 
 def _require_none_called_wrong(given: Sequence[tuple[Line, Known]], lines: Sequence[Line]) -> None:
     """Raises UsageError where somebody calls wrong, without another place, what somebody else holds for right."""
-    without = [line for line in lines if line.text("label") == "wrong" and line.transform() is None]
-    for right in (line for line, _ in given if line.text("label") == "right"):
+    without = [line for line in lines if line.label() == "wrong" and line.transform() is None]
+    for right in (line for line, _ in given if line.label() == "right"):
         for wrong in without:
             if _same_judged(right, wrong):
                 raise wrong.fault(
