@@ -89,9 +89,8 @@ class OccupancyGrid:
             in_fixed_point(_within("l_miss", l_miss, -_MOST_NATS, -1 / LOG_ODDS_PER_NAT)),
         )
         self.thresholds = _thresholds(occupied, free, clamp)
-        longest_m = _LONGEST_BEAM * resolution_m
-        far_m = _within("max_range_m", max_range_m, 0.0, longest_m)
-        self._reach_m = (far_m, min(far_m, _within("free_range_m", free_range_m, 0.0, longest_m)))
+        far_m = _reach("max_range_m", max_range_m, resolution_m)
+        self._reach_m = (far_m, min(far_m, _reach("free_range_m", free_range_m, resolution_m)))
         self._limits = TraceLimits(
             _whole("rays_per_tile", rays_per_tile, _MOST_TRACES),
             _whole("poses_per_tile", poses_per_tile, _MOST_TRACES),
@@ -287,6 +286,17 @@ def _within(name: str, value: float, least: float, most: float) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
         raise ConfigError(f"{name} of an occupancy grid must lie between {least:.6g} and {most:.6g}, found {value!r}")
     return value
+
+
+def _reach(name: str, value: float, resolution_m: float) -> float:
+    """How far a beam counts, which may not be more cells than fit into a layer; the cells may be what was given."""
+    longest_m = _LONGEST_BEAM * resolution_m
+    if isinstance(value, int | float) and longest_m < value < math.inf:
+        raise ConfigError(
+            f"{name} of an occupancy grid must lie between 0 and {longest_m:.6g} with cells of {resolution_m:g} m, "
+            f"found {value!r}: take coarser cells (resolution_m) or a shorter range"
+        )
+    return _within(name, value, 0.0, longest_m)
 
 
 def _whole(name: str, value: int, most: int) -> int:

@@ -35,6 +35,12 @@ def test_impossible_values_are_told_in_one_sentence(name: str, value: Any) -> No
     assert "\n" not in str(caught.value)
 
 
+def test_cells_too_fine_for_a_range_that_nobody_gave_are_named() -> None:
+    with pytest.raises(ConfigError, match=r"max_range_m .* with cells of 1e-05 m, found 30.0: take coarser cells"):
+        OccupancyGrid(resolution_m=0.00001)
+    OccupancyGrid(resolution_m=0.00001, max_range_m=5.0, free_range_m=5.0)
+
+
 def test_it_is_a_map_type() -> None:
     grid: MapType = OccupancyGrid()
     assert grid.name == grid.new_layer().map_type == grid.view(None).map_type == "occupancy_grid"
