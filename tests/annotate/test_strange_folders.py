@@ -161,12 +161,14 @@ def test_opening_a_folder_carries_out_no_journal_but_of_words(out: Path, tmp_pat
 
 
 def test_what_cannot_be_written_is_said_and_not_counted(serve: Callable, out: Path):
-    (out / "labels").write_text("in the way")
     client = serve(out)
     n = client.get().n
+    (out / "labels").write_text("in the way")
     refused = client.label(n, "right")
     assert refused.status == 503 and "in the way" in refused.text
     assert client.get().n == n and client.get(f"revealed/{n}").status == 403
+    with pytest.raises(OutputError, match="labels is no folder, and answers are written to one of that name"):
+        open_folders([out])
     (out / "labels").unlink()
     assert client.label(n, "right").status == 200
 

@@ -221,6 +221,8 @@ def _require_few(path: Path) -> None:
 def _require_writable(path: Path) -> None:
     """Raises OutputError where this user may not write the labels of a folder: nobody is to judge for nothing."""
     labels = path / "labels"
+    if labels.exists() and not labels.is_dir():
+        raise OutputError(f"{labels} is no folder, and answers are written to one of that name: move it away")
     for folder in (labels, *labels.glob("run_id=*")) if labels.exists() else (path,):
         if not os.access(folder, os.W_OK | os.X_OK):
             raise OutputError(

@@ -12,7 +12,7 @@ from mapgraft.console import cell, print_json, remarks, results
 from mapgraft.errors import UsageError
 from mapgraft.evaluation.bench import Settings
 from mapgraft.evaluation.document import document
-from mapgraft.evaluation.evaluating import evaluate
+from mapgraft.evaluation.evaluating import Evaluation, evaluate
 from mapgraft.evaluation.tables import Column, print_tables
 from mapgraft.job import as_config, provenance_of
 from mapgraft.outputs.staging import writing
@@ -59,20 +59,26 @@ def evaluate_and_show(
             print_json(content)
             return
         _write(Path(json_out), json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-    for sentence in evaluation.remarks:
-        remarks().print(cell(sentence), style="yellow")
-    if any(summary.rejected < summary.pairs for summary in evaluation.summaries.values()):
-        print_tables(
-            results(),
-            [
-                Column(title, evaluation.summaries[name], evaluation.times[name])
-                for name, title in evaluation.titles.items()
-            ],
-        )  # else there is nothing to count, and a remark says why
+    _show(evaluation)
     if json_out is not None:
         results().print(cell(f"Written to {json_out}"), soft_wrap=True)
     if examples is not None:
         results().print(cell(f"Examples written to {examples}"), soft_wrap=True)
+
+
+def _show(evaluation: Evaluation) -> None:
+    """The remarks, and the tables where there is anything to count; else a remark says why not."""
+    for sentence in evaluation.remarks:
+        remarks().print(cell(sentence), style="yellow")
+    if all(summary.rejected == summary.pairs for summary in evaluation.summaries.values()):
+        return
+    print_tables(
+        results(),
+        [
+            Column(title, evaluation.summaries[name], evaluation.times[name])
+            for name, title in evaluation.titles.items()
+        ],
+    )
 
 
 def _write(path: Path, text: str) -> None:
