@@ -142,7 +142,8 @@ class Attempts:
         donor = meeting.provenance.source
         sifted = self.refusals.sift(donor, found, tools.rule.retry.reverted, about_m)
         if not sifted.matches:
-            said = f"all {len(found)} hypotheses were reverted before: {sifted.refused}"
+            they = "the only hypothesis was" if len(found) == 1 else f"all {len(found)} hypotheses were"
+            said = f"{they} reverted before: {sifted.refused}"
             said = said if found else "the matcher found no hypothesis"
             return Attempt("unmatched", said, len(found), found[0] if found else None)
         attempt = self._accept(tools, meeting, sifted.matches, len(found))

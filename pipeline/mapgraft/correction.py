@@ -51,7 +51,8 @@ class Corrected:
     def reason(self) -> str:
         """One sentence for a person."""
         turned = f"{math.degrees(self.most_rad):.2f}°"
-        every = f"{self.moved:,} of {len(self.observations):,} observations moved"
+        of = len(self.observations)
+        every = f"{self.moved:,} of {of:,} observation{'s' * (of != 1)} moved"
         return f"{every}, by up to {self.farthest_m:.2f} m, {turned}"
 
 

@@ -50,7 +50,7 @@ class Place:
     def sentence(self) -> str:
         """One clause for a person."""
         what = "tell the two apart" if self.has_rival else "tell whether it is right"
-        stand, look = f"({self.x_m:.1f}, {self.y_m:.1f}) m", f"({self.look_x_m:.1f}, {self.look_y_m:.1f}) m"
+        stand, look = f"({self.x_m:z.1f}, {self.y_m:z.1f}) m", f"({self.look_x_m:z.1f}, {self.look_y_m:z.1f}) m"
         return f"from {stand} a look at {look} would best {what}: {self.nats:.1f} nats expected"
 
     @property

@@ -11,6 +11,7 @@ from mapgraft_standard.limits import Check, limits_of
 from mapgraft_standard.rendezvous import REFUTED, refutations, told_by
 
 _LEAST: Final = 1e-12  # nothing is surer than that
+_LEAST_SHOWN: Final = 1e-9  # what a probability lacks to 1, in words
 
 
 class Posterior:
@@ -93,4 +94,9 @@ def _shares(probable: Sequence[float]) -> list[float]:
 
 def _shown(probability: float) -> str:
     """A probability with the digits in which those near 1 differ."""
-    return f"{probability:.3g}" if probability < 0.99 else f"1 - {1.0 - probability:.2g}"
+    lack = 1.0 - probability
+    if lack > 0.01:
+        return f"{probability:.3g}"
+    if lack < _LEAST_SHOWN:
+        return f"over {1.0 - _LEAST_SHOWN:.9g}"
+    return f"{probability:.{1 - math.floor(math.log10(lack))}f}"

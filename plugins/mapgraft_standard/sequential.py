@@ -112,14 +112,12 @@ class Sequential:
         it."""
         against, places = _detail(news, "against"), _detail(news, "places")
         new_m = news.details.get("agreed_m", math.inf)
-        said = (
-            f"{against:g} of {news.support} new pieces of evidence are against it, in {places:g} places: "
-            f"log-odds of being wrong {wrong:.1f}, {start:.1f} at the start"
-        )
+        said = f"{_told(against, news.support, places)}: log-odds of being wrong {wrong:.1f}, {start:.1f} at the start"
         said += f"; where the robots saw each other says {met:+.1f} nats for it" if met else ""
         if wrong >= self.upper:
             if is_local:
-                return "keep", f"{said}: what is against a confirmed merge is in less than {self.places} places"
+                few = f"less than {self.places} place{'s' * (self.places != 1)}"
+                return "keep", f"{said}: what is against a confirmed merge is in {few}"
             return "revert", f"{said}; reverted from {self.upper:.1f} on"
         if wrong > self.lower:
             return "keep", f"{said}; undecided between {self.lower:.1f} and {self.upper:.1f}"
@@ -157,6 +155,15 @@ class Sequential:
         if latest is None or not latest.value < self.revert_below:
             return None
         return f"{self.prior} {latest.value:.3g} < {self.revert_below:g} on the maps as they are now"
+
+
+def _told(against: float, support: int, places: float) -> str:
+    """How many pieces are against a merge, in a clause."""
+    pieces = f"new piece{'s' * (support != 1)} of evidence"
+    if not against:
+        return f"none of {support} {pieces} is against it"
+    are, where = "is" if against == 1 else "are", f"{places:g} place{'s' * (places != 1)}"
+    return f"{against:g} of {support} {pieces} {are} against it, in {where}"
 
 
 def _detail(news: Measurement, name: str) -> float:

@@ -87,16 +87,18 @@ class Thresholds:
             streak = _streak(history, name, limit)
             latest = _check(history[-1], name, limit)
             if latest.passed is False and streak >= demands.patience:
-                said = f"{latest.text}, in {streak} samples in a row ({demands.patience} suffice)"
-                return Verdict("revert", said, evidence)
+                samples = f"{streak} sample{'s' * (streak != 1)} in a row"
+                suffice = f"{demands.patience} suffice{'s' * (demands.patience == 1)}"
+                return Verdict("revert", f"{latest.text}, in {samples} ({suffice})", evidence)
             standing.append(latest.text + (f" ({streak} of {demands.patience} in a row)" if streak else ""))
         missing = _missing(history, limits, demands)
         said = ", ".join(standing)
         if missing:
             return Verdict("keep", f"{said}; not confirmed: {', '.join(missing)}", evidence)
         grown = ", ".join(f"{name} +{100 * _growth(history, name):.0f} %" for name in limits)
-        said = f"{said}; {history[-1].observations} observations since the merge, support: {grown}"
-        return Verdict("confirm", said, evidence)
+        seen = history[-1].observations
+        since = f"{seen} observation{'s' * (seen != 1)} since the merge"
+        return Verdict("confirm", f"{said}; {since}, support: {grown}", evidence)
 
 
 def _demands(common: Mapping[str, Any], special: Mapping[str, Any], reversal: str) -> Demands:
@@ -155,11 +157,13 @@ def _missing(history: Sequence[Sample], limits: Mapping[str, Limit], demands: De
     if demands.confirm_after is None:
         return ["the rule never confirms what it sees here"]
     if now < demands.confirm_after:
-        lacks.append(f"{now} of {demands.confirm_after} observations")
+        lacks.append(f"{now} of {demands.confirm_after} observation{'s' * (demands.confirm_after != 1)}")
     recent = history[-demands.patience :]
     for name, limit in limits.items():
         if len(recent) < demands.patience or not all(_check(sample, name, limit).passed for sample in recent):
-            lacks.append(f"{name} has not kept its limit in {demands.patience} samples in a row")
+            lacks.append(
+                f"{name} has not kept its limit in {demands.patience} sample{'s' * (demands.patience != 1)} in a row"
+            )
         growth = _growth(history, name)
         if growth < demands.new_support:
             lacks.append(f"support of {name} grew by {100 * growth:.0f} of {100 * demands.new_support:.0f} %")

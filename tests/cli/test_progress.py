@@ -43,3 +43,32 @@ def test_a_quiet_bar_says_nothing(terminal):
     with progress.ProgressSink(quiet=True) as bar:
         bar.spans(0, 10)
     assert terminal.getvalue() == ""
+
+
+@pytest.fixture
+def log(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
+    """What stands in a file that stderr goes to."""
+    written = io.StringIO()
+    monkeypatch.setattr(progress, "remarks", lambda: Console(file=written, width=40))
+    return written
+
+
+def test_where_no_terminal_is_one_line_says_what_has_begun(log):
+    with progress.ProgressSink(quiet=False) as bar:
+        assert log.getvalue() == ""  # whoever is refused hears of nothing else
+        bar.spans(0, 12_000_000_000)
+    assert log.getvalue() == f"mapgraft: replaying 12.0 s ({progress.COMPILING})\n"
+
+
+def test_what_is_counted_says_once_how_many_there_are(log):
+    with progress.counting("pairs (kernels compile on first use)", "pairs", quiet=False) as count:
+        for done in range(3):
+            count(done, 2_000)
+    assert log.getvalue() == f"mapgraft: 2,000 pairs to do ({progress.COMPILING})\n"
+
+
+def test_a_log_that_wants_quiet_stays_empty(log):
+    with progress.ProgressSink(quiet=True) as bar, progress.counting("", "pairs", quiet=True) as count:
+        bar.spans(0, 12_000_000_000)
+        count(0, 2)
+    assert log.getvalue() == ""

@@ -214,7 +214,7 @@ def test_after_a_revert_the_pair_is_tried_at_the_next_meeting_and_the_reason_say
     memory, _, _ = play(*only, meet=(1, 3), rules=rules(limit=-1.0, least=1.0))
     assert [e.kind for e in of_alpha(memory, "merged", "reverted", "unmatched")] == ["merged", "reverted", "unmatched"]
     assert of_alpha(memory)[-1].reason == (
-        "all 1 hypotheses were reverted before: "
+        "the only hypothesis was reverted before: "
         "alpha.bravo.1 was reverted there, and its score of now 1 must grow above 1.5 first"
     )
 
@@ -226,6 +226,6 @@ def test_a_person_who_reverts_is_obeyed_for_good(play):
     memory, _, _ = play(*only, meet=(1, 5), hand=Hand(verdicts=[verdict]), rules=table)
     assert [e.kind for e in of_alpha(memory, "merged", "reverted", "unmatched")] == ["merged", "reverted", "unmatched"]
     assert of_alpha(memory)[-1].reason == (
-        "all 1 hypotheses were reverted before: alpha.bravo.1 was taken out there by a person, "
+        "the only hypothesis was reverted before: alpha.bravo.1 was taken out there by a person, "
         "so it is not taken again by itself"
     )

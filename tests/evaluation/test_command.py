@@ -46,7 +46,7 @@ def test_tables_for_persons_and_json_for_machines(recording, tmp_path, capsys):
     code, table, err = said(
         capsys, str(recording), *SMALL, "--resolution", "0.1", "--matcher", "carpin", "--json", str(out)
     )
-    assert (code, err) == (0, "")
+    assert code == 0 and re.fullmatch(r"mapgraft: 4 pairs to do \(.*\)\n", err)
     assert re.search(r"carpin +carpin, the paper's rules", table)
     for line in ("pairs", "right hypothesis on top, by true overlap", "merged at once", "after further mapping"):
         assert re.search(rf"^{line}", table, re.MULTILINE)
@@ -61,7 +61,7 @@ def test_tables_for_persons_and_json_for_machines(recording, tmp_path, capsys):
     missing = sorted({key for key in keys_of(content) if not re.search(rf"`([\w.]+\.)?{key}`", PAGE)})
     assert missing == []
     code, printed, err = said(
-        capsys, str(recording), *SMALL, "--resolution", "0.1", "--matcher", "carpin", "--json", "-"
+        capsys, str(recording), *SMALL, "--resolution", "0.1", "--matcher", "carpin", "--json", "-", "-q"
     )
     again = json.loads(printed)
     assert (code, err) == (0, "")
@@ -110,7 +110,7 @@ def test_where_all_pairs_are_turned_away_only_that_is_said(recording, tmp_path, 
         "- {name: none, when: {own.type: occupancy_grid}, reject: nothing is wanted}\n"
     )
     options = ("--rules", str(tmp_path / "rules.yaml"), "--no-baseline", "--examples", str(tmp_path / "examples"))
-    code, out, err = said(capsys, str(recording), *SMALL, *options)
+    code, out, err = said(capsys, str(recording), *SMALL, *options, "-q")
     assert (code, out) == (0, f"Examples written to {tmp_path / 'examples'}\n")
     assert err.startswith("4 of 4 pairs were turned away by the decision table: ")
 
@@ -173,6 +173,7 @@ def test_a_real_log_with_the_papers_matcher(shared_data, capsys):
         "3",
         "--json",
         "-",
+        "--quiet",
     )
     code, out, err = said(capsys, str(log), *arguments)
     assert (code, err) == (0, "")

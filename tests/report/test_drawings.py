@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mapgraft.contracts import Measurement
+from mapgraft.contracts import Exactness, Measurement, Transform
 from mapgraft.events import Event
 from mapgraft.outputs.report.axes import Axis
 from mapgraft.outputs.report.curves import curves, thinned
 from mapgraft.outputs.report.timeline import timeline
-from mapgraft.outputs.report.words import Clock, duration, listed, number
+from mapgraft.outputs.report.words import Clock, duration, exactness, listed, number, pose
 
 S = 1_000_000_000
 FINITE = st.floats(-1e6, 1e6)
@@ -111,3 +111,12 @@ def test_times_and_lists_read_as_people_say_them() -> None:
     assert [listed(names) for names in ([], ["a"], ["a", "b"], list("abcdefg"))] == [
         *("nobody", "a", "a and b", "a, b, c, d, e and 2 more"),
     ]
+
+
+def test_what_is_left_of_a_revert_is_told_as_one_says_it() -> None:
+    said = exactness("a", Exactness(False, 1, 1, 0, "why"))
+    assert said.startswith("Approximate: 1 cell was set back to unknown, 1 still holds something of the donor, 0 lost")
+
+
+def test_nothing_lies_at_minus_nought() -> None:
+    assert pose(Transform.planar(-1e-6, -2.0, -1e-6), 1.0) == "x 0.000 m, y −2.000 m, yaw 0.00°"

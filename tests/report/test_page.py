@@ -66,8 +66,16 @@ def test_robots_and_recordings_are_told(page: str, read) -> None:
     text = read(page).text
     assert "ab" * 32 in text and "cd" * 32 in text and "a.mcap" in text
     assert "600" in text and "12.0 m" in text  # observations and path of each robot
-    assert "49.0 m², 196 known units" in text
+    assert "49.0 m²" in text and "known unit" not in text
+    assert re.search(r"with merges [\d.]+ % more is known", text)
     assert "a.mcap: 3 scans were left out" in text
+
+
+def test_every_mark_of_the_legend_looks_its_own_way(page: str) -> None:
+    legend = page[page.index("stands: provisional, confirmed") - 6000 :].partition("stands: provisional")[0]
+    marks = re.findall(r'<g class="mark \w+ (\w+)">\s*(.*?)\s*</g></svg>([^<]+)</li>', legend, re.DOTALL)
+    assert {"put off as ambiguous", "in dispute, or no longer believed"} <= {text for _, _, text in marks}
+    assert len({(tone, shape) for tone, shape, _ in marks}) == len(marks) == 10
 
 
 def test_neither_the_machine_nor_the_hour_is_in_it(page: str) -> None:

@@ -77,3 +77,15 @@ def test_the_rule_must_name_the_metric() -> None:
         ACCEPTOR.accept(
             [dataclasses.replace(candidate(0.5), measurements={"paths": candidate(0.5).measurements["paths"]})]
         )
+
+
+@pytest.mark.parametrize(
+    ("probability", "says"),
+    [(0.5, "0.5"), (0.8765, "0.876"), (0.99, "0.99"), (0.99978, "0.99978"), (1 - 2.3e-5, "0.999977")],
+)
+def test_probabilities_are_told_with_the_digits_that_differ(probability: float, says: str) -> None:
+    assert f"is right with probability {says} " in ACCEPTOR.accept([candidate(probability)]).reason
+
+
+def test_what_is_next_to_certain_is_told_in_few_digits() -> None:
+    assert "with probability over 0.999999999 ≥ 0.99" in ACCEPTOR.accept([candidate(1.0)]).reason

@@ -185,3 +185,16 @@ def test_limits_that_labels_have_set_take_the_places_of_its_own(
 def test_limits_in_the_wrong_order_are_refused() -> None:
     with pytest.raises(ConfigError, match="confirm_at < revert_at, found 2 and 1"):
         Sequential(confirm_at=2.0, revert_at=1.0)
+
+
+@pytest.mark.parametrize(
+    ("agreed", "against", "says"),
+    [
+        (9, 0, "none of 9 new pieces of evidence is against it: log-odds"),
+        (0, 1, "1 of 1 new piece of evidence is against it, in 1 place: log-odds"),
+        (9, 1, "1 of 10 new pieces of evidence is against it, in 1 place: log-odds"),
+        (9, 2, "2 of 11 new pieces of evidence are against it, in 2 places: log-odds"),
+    ],
+)
+def test_numbers_are_told_as_one_says_them(agreed: int, against: int, says: str) -> None:
+    assert Sequential().verify([sample(posterior=0.5), sample(agreed, against)], "ledger").reason.startswith(says)

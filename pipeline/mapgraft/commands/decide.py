@@ -131,11 +131,11 @@ def _print(answer: _Answer) -> None:
         console.print(cell(f"  rejected: {rule.reject if rule else 'no rule applies'}"))
         return
     procedure = rule.procedure
-    via = f" via {rule.via}" if rule.via else ""
+    via, every = f" via {rule.via}" if rule.via else "", procedure.verify.every
     console.print(
         cell(
             f"  procedure{via}: match {procedure.match.use}, accept {procedure.accept.use}, fuse {procedure.fuse.use}, "
             f"verify {procedure.verify.use} on {', '.join(procedure.verify.metric_names)} "
-            f"every {procedure.verify.every} observations"
+            f"{'at every observation' if every == 1 else f'every {every} observations'}"
         )
     )

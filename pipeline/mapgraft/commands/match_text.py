@@ -21,6 +21,7 @@ TELLING = ("posterior", "similarity", "contradiction")  # metrics that are shown
 OVERLAP = "overlap_m2"  # a detail of metrics
 _LARGE = 10.0  # from here on whole numbers say enough
 _NEARLY_ONE = 0.999
+_LEAST_LACK = 1e-9  # what is nearer to 1 is shown as 1
 
 _HEADLINES = {
     "provisional": "accepted: B's map is merged into A's, provisionally, for nothing new has tested it yet",
@@ -137,12 +138,16 @@ def limits_of(accept: Measuring) -> str:
 
 
 def shown(value: float) -> str:
-    """A number in as few digits as tell: large ones whole, those just below 1 by what they lack, a dash for none."""
+    """A number in as few digits as tell: large ones whole, those just below 1 with two of what they lack, a dash for
+    none."""
     if not math.isfinite(value):
         return NOTHING
     if abs(value) >= _LARGE:
         return f"{value:.0f}"
-    return f"1 - {1.0 - value:.2g}" if _NEARLY_ONE <= value < 1.0 else f"{value:.3g}"
+    lack = 1.0 - value
+    if _LEAST_LACK <= lack <= 1.0 - _NEARLY_ONE:
+        return f"{value:.{1 - math.floor(math.log10(lack))}f}"
+    return f"{value:.3g}"
 
 
 def _described(map_: ReadyMap) -> str:

@@ -17,7 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from mapgraft.console import remarks
+from mapgraft.console import cell, remarks
 from mapgraft.contracts import Observation
 from mapgraft.events import Event, Snapshot
 
@@ -28,11 +28,15 @@ class Counted(Protocol):
     def __call__(self, done: int, wanted: int, said: str = ..., /) -> None: ...
 
 
+COMPILING = "kernels compile on first use, which takes about a minute"
 REFRESH_EVERY = 16  # observations between two updates of the bar: drawing must not cost more than mapping
 
 
 class ProgressSink:
-    """A sink that draws a bar on stderr: share of data time replayed, scans per second, time left, merges so far."""
+    """A sink that draws a bar on stderr: share of data time replayed, scans per second, time left, merges so far.
+
+    Where stderr is no terminal it is one line, when the work begins.
+    """
 
     def __init__(self, *, quiet: bool) -> None:
         console = remarks()
@@ -50,6 +54,7 @@ class ProgressSink:
         waiting = "starting (kernels compile on first use)"
         self._task = self._bar.add_task(waiting, total=None, merges="", rate="")
         self._quiet = quiet or not console.is_terminal
+        self._says = not quiet and not console.is_terminal
         self._count = self._made = self._reverted = 0
         self._start_ns = 0
         self._began_s = time.monotonic()
@@ -69,6 +74,8 @@ class ProgressSink:
         """The data time that will be replayed."""
         self._start_ns = start_ns
         self._bar.update(self._task, total=max(1, end_ns - start_ns))
+        if self._says:
+            _say(f"replaying {max(0, end_ns - start_ns) / 1e9:,.1f} s")
 
     def observed(self, observation: Observation) -> None:
         self._count += 1
@@ -94,7 +101,8 @@ class ProgressSink:
 def counting(waiting: str, what: str, *, quiet: bool) -> Iterator[Counted]:
     """A bar on stderr for things that are counted: tell it how many are done, of how many, and what they are.
 
-    It shows what is ``waiting`` until then, and ``what`` where nothing else is told.
+    It shows what is ``waiting`` until one is done, and ``what`` where nothing else is told. Where stderr is no terminal
+    it is one line, when somebody tells before the first that none is done.
     """
     console = remarks()
     bar = Progress(
@@ -110,6 +118,13 @@ def counting(waiting: str, what: str, *, quiet: bool) -> Iterator[Counted]:
         task = bar.add_task(waiting, total=None)
 
         def count(done: int, wanted: int, said: str = what) -> None:
-            bar.update(task, completed=done, total=wanted, description=said)
+            bar.update(task, completed=done, total=wanted, description=said if done else waiting)
+            if done == 0 and not quiet and not console.is_terminal:
+                _say(f"{wanted:,} {what} to do")
 
         yield count
+
+
+def _say(begun: str) -> None:
+    """Tell a log what has begun, and why nothing may happen for a while."""
+    remarks().print(cell(f"mapgraft: {begun} ({COMPILING})"), soft_wrap=True)

@@ -96,19 +96,23 @@ def _print_merge(console: Console, events: Sequence[Event], start_ns: int) -> No
     """Two lines: which merge, when and where; and what became of it."""
     last = _decisive(events)
     T = next((event.T_receiver_donor for event in reversed(events) if event.T_receiver_donor is not None), None)
-    pose = "" if T is None else f", {last.donor} at {T.x_m:.2f} m, {T.y_m:.2f} m, {math.degrees(T.yaw_rad):.1f}°"
+    pose = "" if T is None else f", {last.donor} at {T.x_m:z.2f} m, {T.y_m:z.2f} m, {math.degrees(T.yaw_rad):z.1f}°"
     style = {"reverted": "red", "confirmed": "green"}.get(last.state, "yellow")
     console.print(cell(f"{events[0].merge_id}  made at {_seconds(events[0].stamp_ns - start_ns)}{pose}"))
-    console.print(cell(f"  {_outcome(last, start_ns)}"), style=style)
+    console.print(cell(f"  {_outcome(events, start_ns)}"), style=style)
 
 
-def _outcome(last: Event, start_ns: int) -> str:
-    when = _seconds(last.stamp_ns - start_ns)
+def _outcome(events: Sequence[Event], start_ns: int) -> str:
+    """When somebody was sure of a merge, and when it was taken out all the same: what was confirmed is watched on."""
+    last, sure = _decisive(events), [event for event in events if event.kind == "confirmed"]
+    told = [f"confirmed at {_seconds(event.stamp_ns - start_ns)}{_person(event)}" for event in sure[-1:]]
     if last.state == "reverted":
-        return f"reverted at {when}: {last.reason}"
-    if last.state == "confirmed":
-        return f"confirmed at {when}" + (f" by {last.by}" if last.by.startswith("person") else "")
-    return "standing, not confirmed yet"
+        told.append(f"reverted at {_seconds(last.stamp_ns - start_ns)}: {last.reason}")
+    return ", ".join(told) or "standing, not confirmed yet"
+
+
+def _person(event: Event) -> str:
+    return f" by {event.by}" if event.by.startswith("person") else ""
 
 
 def _robot_table(result: Result) -> Table:

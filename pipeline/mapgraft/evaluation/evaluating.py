@@ -56,10 +56,10 @@ def evaluate(
 ) -> Evaluation:
     """Draw pairs of windows from some recordings, and find out how the procedures for them do.
 
-    ``progress`` is told how many pairs are done. With ``jobs`` above 1 as many processes share the work; what comes
-    out, but for the times, is the same. ``truth`` is a CSV file of labels: where persons hold the maps of two robots,
-    or those of a pair, to lie goes before what was recorded. ``examples`` is a folder to which every pair is written
-    as an example. Raises MapgraftError with one sentence when something does not fit.
+    ``progress`` is told how many pairs are done, 0 when the first begins. With ``jobs`` above 1 as many processes share
+    the work; what comes out, but for the times, is the same. ``truth`` is a CSV file of labels: where persons hold the
+    maps of two robots, or those of a pair, to lie goes before what was recorded. ``examples`` is a folder to which
+    every pair is written as an example. Raises MapgraftError with one sentence when something does not fit.
     """
     from mapgraft.evaluation.exemplified import Identified, joined_by, told_of, unused_of
 
@@ -98,6 +98,7 @@ def evaluate_courses(
     began_s = perf_counter()
     bench = Bench(courses, config, plugins, settings)
     judged: list[Judged] = []
+    progress(0)
     with _results(bench, min(jobs, len(bench.plans))) as results:
         for one in results:
             judged.append(take(one))

@@ -62,7 +62,7 @@ def picture(pairing: Pairing, hypothesis: Hypothesis, workshop: Workshop) -> byt
     T = match.T_receiver_donor
     theirs = placed_sketch(workshop, a, b, T, match.scale)
     verdict = "accepted" if hypothesis.accepted else f"NOT accepted ({pairing.verdict})"
-    where = f"x {T.x_m:.2f} m, y {T.y_m:.2f} m, yaw {math.degrees(T.yaw_rad):.1f}°"
+    where = f"x {T.x_m:z.2f} m, y {T.y_m:z.2f} m, yaw {math.degrees(T.yaw_rad):z.1f}°"
     names = (f"A ({a.name})", f"B ({b.name})")
     return png(*paint(sketch(a.map_type, a.view), theirs), f"{verdict}: B lies in A at {where}", names)
 

@@ -92,7 +92,7 @@ def event_of(message: Any) -> Event:
 def sentence(event: Event) -> str:
     """What happened, for a person who reads a log: who, what, where, why."""
     T = event.T_receiver_donor
-    where = "" if T is None else f" at x={T.x_m:.2f} m, y={T.y_m:.2f} m, yaw={math.degrees(T.yaw_rad):.1f}°"
+    where = "" if T is None else f" at x={T.x_m:z.2f} m, y={T.y_m:z.2f} m, yaw={math.degrees(T.yaw_rad):z.1f}°"
     name = event.merge_id or (f"{event.receiver}.{event.donor}" if event.donor else event.receiver)
     return f"{name} {event.kind}{where}" + (f": {event.reason}" if event.reason else "")
 

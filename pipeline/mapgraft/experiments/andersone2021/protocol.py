@@ -38,6 +38,7 @@ def conduct(laboratory: Laboratory, progress: Progress = lambda found, wanted, d
     wanted = len(settings.combinations) * (settings.right + settings.wrong)
     merges: list[Merge] = []
     searches: list[Search] = []
+    progress(0, wanted, 0)
     for combination in settings.combinations:
         seek = _Seek(combination, settings)
         before = sum(search.drawn for search in searches)

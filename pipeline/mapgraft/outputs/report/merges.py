@@ -128,7 +128,7 @@ def card_of(events: Sequence[Event], anchor: str, gallery: Gallery, clock: Clock
         merged.donor,
         last.state,
         TONES[last.state],
-        _lead(merged, last, clock),
+        _lead(events, clock),
         story,
         folded,
         _facts(events, merged),
@@ -146,14 +146,16 @@ def _decisive(events: Sequence[Event]) -> Event:
     return next(event for event in reversed(events) if event.kind in ("merged", "confirmed", "reverted"))
 
 
-def _lead(merged: Event, last: Event, clock: Clock) -> str:
+def _lead(events: Sequence[Event], clock: Clock) -> str:
+    """What became of a merge, in a sentence; one that was confirmed may have been taken out all the same."""
+    merged, last = next(event for event in events if event.kind == "merged"), _decisive(events)
     made = f"{merged.donor}’s map came into {merged.receiver}’s at {clock.at(merged.stamp_ns)}"
-    stood = duration(clock.seconds(last.stamp_ns) - clock.seconds(merged.stamp_ns))
+    sure = [event for event in events if event.kind == "confirmed"]
+    confirmed = f", was confirmed at {clock.at(sure[-1].stamp_ns)}" if sure else ""
     if last.kind == "reverted":
-        return f"{made}, and was taken out again at {clock.at(last.stamp_ns)}, after {stood}."
-    if last.kind == "confirmed":
-        return f"{made}, was confirmed at {clock.at(last.stamp_ns)}, and stands."
-    return f"{made} and stands, not confirmed yet."
+        stood = duration(clock.seconds(last.stamp_ns) - clock.seconds(merged.stamp_ns))
+        return f"{made}{confirmed}, and was taken out again at {clock.at(last.stamp_ns)}, after {stood}."
+    return f"{made}{confirmed}, and stands." if sure else f"{made} and stands, not confirmed yet."
 
 
 def _story(events: Sequence[Event], clock: Clock) -> tuple[list[Line], list[Line]]:
@@ -184,9 +186,9 @@ def _facts(events: Sequence[Event], merged: Event) -> list[tuple[str, str]]:
     if last.T_receiver_donor is not None and last.T_receiver_donor != merged.T_receiver_donor:
         facts.append(("where it was last", pose(last.T_receiver_donor, last.scale, sigma_of(last))))
     if merged.score is not None:
-        margin = "" if merged.margin is None else f", margin to the next {number(merged.margin)}"
+        margin = "" if merged.margin is None else f"; margin to the next {number(merged.margin)}"
         facts.append(
-            ("match", f"score {number(merged.score)}{margin}, {count(merged.hypotheses, 'hypothesis', 'hypotheses')}")
+            ("match", f"score {number(merged.score)}{margin}; {count(merged.hypotheses, 'hypothesis', 'hypotheses')}")
         )
     versions = f"{merged.receiver} after {count(merged.receiver_version, 'observation')}"
     facts.append(("maps", f"{versions}, {merged.donor} after {merged.donor_version:,}"))

@@ -72,7 +72,7 @@ def place_of(event: Event) -> str:
     """Where to look to decide, in words."""
     x_m, y_m, look_x_m, look_y_m = (event.evidence[name] for name in PLACE)
     nats = event.evidence.get("deciding_nats", 0.0)
-    return f"look from ({x_m:.1f}, {y_m:.1f}) m at ({look_x_m:.1f}, {look_y_m:.1f}) m, {nats:.1f} nats expected"
+    return f"look from ({x_m:z.1f}, {y_m:z.1f}) m at ({look_x_m:z.1f}, {look_y_m:z.1f}) m, {nats:.1f} nats expected"
 
 
 def _pair(receiver: str, donor: str, events: Sequence[Event], clock: Clock) -> Pair:

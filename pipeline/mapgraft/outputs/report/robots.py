@@ -18,7 +18,7 @@ from mapgraft.outputs.report.paintings import fused_picture, map_picture
 from mapgraft.outputs.report.pairs import PLACE, place_of
 from mapgraft.outputs.report.rasters import Canvas
 from mapgraft.outputs.report.scenes import Look
-from mapgraft.outputs.report.words import Clock, count, number, short
+from mapgraft.outputs.report.words import Clock, number, short
 from mapgraft.pages import Picture
 
 _MOST_PICTURED: Final = 16  # robots
@@ -116,9 +116,9 @@ def _card(
     if len(way_m):
         facts.append(("path", f"{np.linalg.norm(np.diff(way_m, axis=0), axis=1).sum():,.1f} m"))
     if row:
-        facts.append(("own map", f"{row['known_area_m2']:,.1f} m², {count(row['known_own'], 'known unit')}"))
+        facts.append(("own map", f"{row['known_area_m2']:,.1f} m²"))
         if row["known_fused"] != row["known_own"]:
-            facts.append(("with merges", count(row["known_fused"], "known unit")))
+            facts.append(("with merges", _grown(row["known_own"], row["known_fused"])))
         resolution = "" if row["resolution_m"] is None else f", {number(row['resolution_m'])} m"
         facts.append(("map type", f"{row['map_type']}{resolution}"))
     facts.append(("merged from", ", ".join(sorted(donors)) or "nobody"))
@@ -133,6 +133,14 @@ def _card(
     over = ("", ()) if canvas is None else (_over(canvas, way_m), [_line(canvas, one) for one in others.undecided])
     is_one_map = has_merges and fused is None
     return RobotCard(name, facts, own, fused, over[0], gallery.undrawn.get(name, ()), is_one_map, over[1])
+
+
+def _grown(own: int, fused: int) -> str:
+    """How much more a robot knows by its merges; types count in units of their own (cells, voxels, pieces of wall)."""
+    if not own:
+        return "all that is known"
+    share = 100.0 * (fused - own) / own
+    return f"{number(round(abs(share), 1))} % {'more' if share > 0.0 else 'less'} is known"
 
 
 def _pictures(name: str, look: Look | None, has_merges: bool) -> tuple[Picture | None, Picture | None, Canvas | None]:

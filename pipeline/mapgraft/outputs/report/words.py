@@ -118,7 +118,7 @@ def pose(T: Transform, scale: float, sigma: Sequence[float] | None = None) -> st
     known = dict(zip(("x", "y", "z", "yaw"), sigma, strict=True)) if sigma is not None else {}
     known["yaw"] = math.degrees(known["yaw"]) if known else math.nan
     parts = [
-        f"{name} {value:.{digits}f}".replace("-", "−")
+        f"{name} {value:z.{digits}f}".replace("-", "−")
         + (f" ± {known[name]:.{digits}f}" if name in known and math.isfinite(known[name]) else "")
         + (f" {unit}" if unit == "m" else unit)
         for name, value, unit, digits in values
@@ -143,9 +143,10 @@ def exactness(receiver: str, left: Exactness) -> str:
     """What a revert left behind, in a sentence."""
     if left.exact:
         return f"Exact: {receiver}’s map is, bit for bit, what it would be had this merge never happened."
+    held = left.cells_contaminated
     parts = [
-        f"{left.cells_reset:,} cells were set back to unknown",
-        f"{left.cells_contaminated:,} still hold something of the donor",
+        f"{count(left.cells_reset, 'cell was', 'cells were')} set back to unknown",
+        f"{held:,} still hold{'s' * (held == 1)} something of the donor",
         f"{left.cells_lost:,} lost evidence that was not the donor’s",
     ]
     return f"Approximate: {', '.join(parts)}."
