@@ -9,6 +9,7 @@ from mapgraft.lives import base_name, life_name
 from mapgraft.network.medium import Medium
 from mapgraft.network.robots import node_of
 from mapgraft.network.wire import Copy
+from mapgraft.persons import Hand
 
 SECOND = 1_000_000_000
 PLACES = {"alpha": (0, 2, 5), "bravo": (10, 12, 15), "alpha~2": (30, 32, 35)}
@@ -49,6 +50,22 @@ def test_what_it_mapped_before_stays_and_the_new_life_starts_unmerged(anew):
     (told,) = [event for event in memory.events if event.kind == "renamed"]
     assert (told.receiver, told.stamp_ns) == ("alpha", 20 * SECOND)
     assert told.reason == "its map frame has begun anew: from now on it is alpha~2"
+
+
+@pytest.mark.parametrize(
+    ("forbidden", "merged"),
+    [
+        (("alpha", "bravo"), []),
+        (("bravo", "alpha"), []),
+        (("alpha~2", "bravo"), ["alpha"]),  # of one life only this is said
+        (("alpha~3", "bravo"), ["alpha", "alpha~2"]),
+    ],
+)
+def test_whom_a_person_forbids_is_forbidden_in_every_life(anew, forbidden, merged):
+    hand = Hand(forbidden=frozenset([frozenset(forbidden)]))
+    _, robots, _ = anew(meet=(5, 30, 35), hand=hand)
+    assert sorted(robots["bravo"].merges) == merged
+    assert list(robots["alpha~2"].merges) == (["bravo"] if "alpha~2" in merged else [])
 
 
 def test_the_old_map_comes_to_the_new_life_through_others(anew):
