@@ -21,6 +21,7 @@ RANK: Final[Mapping[State, int]] = {"provisional": 0, "confirmed": 1, "reverted"
 MOST_SUPPORT: Final = 12.0  # nats: nobody is surer than that, either way
 MOST_NAME_BYTES: Final = 400  # a robot's name of 100 letters
 MOST_TEXT_BYTES: Final = 1000
+PERSON: Final = "person"  # who decided, where that was no robot
 MOST_COUNTED: Final = 1 << 32  # corrections of one map
 REMEMBERED: Final = 4096  # claims that were read: in one process many robots hear the same
 _STATES: Final[tuple[State, ...]] = ("provisional", "confirmed", "reverted")
@@ -101,6 +102,11 @@ class Claim:
     def is_active(self) -> bool:
         """Whether the merge stands."""
         return self.state != "reverted"
+
+    @property
+    def is_decided(self) -> bool:
+        """Whether a person said that the merge is right: no robot takes it back."""
+        return self.is_active and self.by == PERSON
 
     def corrections_of(self, end: Source) -> int:
         """How often the map of one of its two ends had been corrected when the transform was found."""

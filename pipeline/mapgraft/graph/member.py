@@ -11,10 +11,11 @@ from mapgraft.decision import DecisionTable
 from mapgraft.graph.attached import Attachments
 from mapgraft.graph.book import Grounds
 from mapgraft.graph.chains import Chain, best_chains
-from mapgraft.graph.claims import Claim, Claims, Edge, Source, State, is_covariance
+from mapgraft.graph.claims import PERSON, Claim, Claims, Edge, Source, State, is_covariance
 from mapgraft.graph.consistency import Explanation, Settings, explain
 from mapgraft.graph.contradictions import Contradictions, is_contradicted
 from mapgraft.graph.held import HeldLayers
+from mapgraft.graph.loops import find_loops
 from mapgraft.merge import Merge
 from mapgraft.persons import Hand
 from mapgraft.refusals import Refusal
@@ -140,7 +141,7 @@ class Member:
         """Where own cells have spoken against a merge, they speak against the other robot's merge there, too."""
         for ended in self.standing.ended.values():
             claim = self.claims.of(ended.donor, self.me)
-            if claim is None or not claim.is_active or not ended.against > 0.0:
+            if claim is None or not claim.is_active or claim.is_decided or not ended.against > 0.0:
                 continue
             if is_contradicted(claim, self.me, ended, self.settings.margin):
                 self.claims.add(_reverted(claim, stamp_ns, ended.by, f"{ended.merge_id} was there, and {ended.reason}"))
@@ -153,8 +154,8 @@ class Member:
             if merge is not None and _number_of(merge) == claim.epoch and not merge.decided_by_person:
                 told = Reasons(_said(grounds, merge), CONSISTENCY, evidence=_measured(grounds, merge))
                 self.standing.revert(merge, stamp_ns, told)
-                self.contradictions.reverted(merge, grounds, explanation)
-        elif claim.donor == self.me:
+                self.contradictions.reverted(merge, claim, explanation.loops)
+        elif claim.donor == self.me and not claim.is_decided:
             self.claims.add(_reverted(claim, stamp_ns, CONSISTENCY, grounds.sentence))
 
     def _obey(self, claim: Claim, stamp_ns: int) -> None:
@@ -162,7 +163,11 @@ class Member:
         merge = self.standing.by_donor.get(claim.donor.name)
         if merge is None or _number_of(merge) != claim.epoch or merge.decided_by_person:
             return
+        stood = _claim(self.me, claim.donor, merge, claim.epoch, claim.revision, stamp_ns)
         self.standing.revert(merge, stamp_ns, Reasons(f"{claim.donor.name} says: {claim.reason}", claim.by))
+        if claim.by == CONSISTENCY:  # who speaks first makes no difference to how long the place is refused
+            loops = find_loops((*self.claims.active(), stood), self.settings.tolerance)
+            self.contradictions.reverted(merge, stood, loops)
 
     def _tell_disputes(self, explanation: Explanation, stamp_ns: int) -> None:
         """Say once of each own merge that it is in dispute."""
@@ -278,7 +283,7 @@ def _number_of(merge: Merge) -> int:
 def _claim(me: Source, donor: Source, merge: Merge, epoch: int, revision: int, stamp_ns: int) -> Claim:
     state: State = "confirmed" if merge.state == "confirmed" else "provisional"
     T, match = merge.comparison.T_receiver_donor, merge.match
-    by = "person" if merge.decided_by_person else merge.tools.procedure.verify.use
+    by = PERSON if merge.decided_by_person else merge.tools.procedure.verify.use
     known = match.covariance is not None and is_covariance((match.covariance + match.covariance.T) / 2.0)
     where = (T, match.scale, match.covariance if known else None)
     support, corrections = merge.support, merge.corrections
