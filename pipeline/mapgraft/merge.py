@@ -108,7 +108,7 @@ class Merge:
     one that was accepted, the last that of now. ``history`` holds the samples that have all the verifier looks
     at: the first one, and the latest. ``verdict`` is the verifier's latest word. With a ``chain`` it is no merge of the
     receiver's own: the donor's layer was attached through others. ``corrections`` tells how often the receiver's and
-    the donor's maps had been corrected when they were held against each other first.
+    the donor's maps had been corrected when they were held against each other first, ``writer`` who wrote the layer.
     """
 
     merge_id: str
@@ -122,6 +122,7 @@ class Merge:
     meeting: Meeting | None = None
     chain: Chain | None = None
     corrections: tuple[int, int] = (0, 0)
+    writer: bytes = b""
     state: State = "provisional"
     history: list[Sample] = field(default_factory=list)
     decided_by_person: bool = False

@@ -108,7 +108,8 @@ class Attachments:
             else:
                 standing.reversal.merge(name, contribution)
         corrections = (standing.own.corrections, sent.corrections)
-        standing.attached[source] = Merge(*made, standing.trail, site, grafted.meeting, chain, corrections)
+        entered = (standing.trail, site, grafted.meeting, chain, corrections, sent.writer)
+        standing.attached[source] = Merge(*made, *entered)
         self._made_of[source] = (contribution.provenance.version, standing.reversal.version)
 
     def _renew(self, source: Source, merge: Merge, chain: Chain, sent: SentLayer, stamp_ns: int) -> None:

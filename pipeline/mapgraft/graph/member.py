@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 from mapgraft.contracts import Verdict
 from mapgraft.decision import DecisionTable
@@ -23,8 +23,16 @@ from mapgraft.standing import Grounds as Reasons
 from mapgraft.standing import Standing
 
 CONSISTENCY: Final = "consistency"
+NAMESAKE: Final = "namesake"
 NEWS: Final = 1.0  # nats by which the support of a merge must move before it is told again
 Through = Literal["confirmed", "provisional", "none"]
+
+
+class Doubt(NamedTuple):
+    """Why a claim of others is not believed, and of whose layer it was found out."""
+
+    source: Source
+    reason: str
 
 
 @dataclass(slots=True)
@@ -32,7 +40,7 @@ class Member:
     """The claims and layers that one robot has heard of, its own among them, and what it makes of them.
 
     ``through`` says by which merges of others layers are attached. ``disbelieved`` are claims of others, by edge, epoch
-    and corrections, that own observations have contradicted, with the reason.
+    and corrections, that own observations have contradicted.
     """
 
     me: Source
@@ -43,7 +51,7 @@ class Member:
     settings: Settings = field(default_factory=Settings)
     claims: Claims = field(default_factory=Claims)
     layers: HeldLayers = field(default_factory=HeldLayers)
-    disbelieved: dict[tuple[Edge, int, tuple[int, int]], str] = field(default_factory=dict)
+    disbelieved: dict[tuple[Edge, int, tuple[int, int]], Doubt] = field(default_factory=dict)
     attachments: Attachments = field(init=False)
     contradictions: Contradictions = field(init=False)
     _disputed: dict[Edge, int] = field(default_factory=dict)
@@ -112,6 +120,22 @@ class Member:
     def make_room(self, donor: Source, stamp_ns: int) -> None:
         """The robot is about to merge a layer at first hand: a source counts once."""
         self.attachments.detach(donor, "it is merged at first hand now", stamp_ns)
+
+    def belongs(self, source: Source, writer: bytes, stamp_ns: int) -> None:
+        """A source is that writer's: what stands of it by others, whom it was taken for, goes, and refuses nothing."""
+        self.layers.belongs(source, writer)
+        reason = f"it is the map of another robot that is called {source.name}"
+        merge, attached = self.standing.by_donor.get(source.name), self.standing.attached.get(source)
+        if merge is not None and _donor_of(merge) == source and merge.writer > writer:
+            self.standing.revert(merge, stamp_ns, Reasons(reason, NAMESAKE), refuse=False)
+        if attached is not None and attached.writer > writer:
+            self.attachments.detach(source, reason, stamp_ns)
+        self.publish(stamp_ns)
+        ended = self.standing.ended.get(source.name)
+        if ended is not None and ended.donor == source:  # it tells of the other one's cells
+            del self.standing.ended[source.name]
+        doubts = {named: doubt for named, doubt in self.disbelieved.items() if doubt.source != source}
+        self.disbelieved = doubts
 
     def _state(self) -> tuple[object, ...]:
         standing = tuple(sorted(merge.merge_id for merge in self.standing.all))
@@ -217,8 +241,8 @@ class Member:
         for end in claim.edge:
             if claim.corrections_of(end) < self._latest.get(end, 0):
                 return f"{claim.merge_id} was found before {end.name}'s map was corrected"
-        if why := self.disbelieved.get((claim.edge, claim.epoch, claim.corrections)):
-            return f"{claim.merge_id} is not believed: {why}"
+        if doubt := self.disbelieved.get((claim.edge, claim.epoch, claim.corrections)):
+            return f"{claim.merge_id} is not believed: {doubt.reason}"
         if claim.receiver != self.me and claim.state != "confirmed" and self.through != "provisional":
             return f"{claim.merge_id} is not confirmed"
         return ""
@@ -252,7 +276,7 @@ class Member:
     def _disbelieve(self, merge: Merge, chain: Chain, verdict: Verdict, stamp_ns: int) -> None:
         foreign = [claim for claim in chain.claims if claim.receiver != self.me]
         weakest = min(reversed(foreign), key=lambda claim: claim.support)
-        self.disbelieved[weakest.edge, weakest.epoch, weakest.corrections] = verdict.reason
+        self.disbelieved[weakest.edge, weakest.epoch, weakest.corrections] = Doubt(_donor_of(merge), verdict.reason)
         refusal = Refusal(merge.merge_id, tuple(merge.stood), merge.match.score)
         self.standing.attempts.refusals.add(merge.donor, refusal)
         said = f"{weakest.merge_id}, the least supported merge that led to {merge.donor}: {verdict.reason}"
