@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from mapgraft.contracts import Transform
 from mapgraft.graph.claims import Claim
 from mapgraft.persons import Hand
+from mapgraft.refusals import Refusal
 from mapgraft.standing import Grounds
 
 
@@ -81,6 +82,34 @@ def test_a_newer_layer_takes_the_place_of_the_older_one(apart, hear):
     assert list(told(memory)) == [("attached", "bravo"), ("reattached", "bravo")]
     assert memory.events[-1].reason == "there is a newer layer"
     assert fused(alpha)[90] == 1
+
+
+def test_what_moves_a_little_to_where_it_was_taken_out_goes(apart):
+    """In small steps, each of which is the same place for a person, as in one that is not."""
+    memory, robots = apart()
+    alpha = robots["alpha"]
+    hold(robots, "alpha", "bravo")
+    taken_out = Transform.planar(SHIFT["alpha"] - SHIFT["bravo"], 0.0, 0.0)
+    alpha.attempts.refusals.add("bravo", Refusal("alpha.bravo.1", (taken_out,), 3.0))
+    for revision, off_m in enumerate((-1.2, -0.8)):
+        alpha.claims.add(claim(B, A, off_m, revision=revision))
+        alpha.heard(revision)
+    assert list(told(memory)) == [("attached", "bravo"), ("detached", "bravo"), ("unattached", "bravo")]
+    assert memory.events[-1].reason == "alpha.bravo.1 was reverted there"
+
+
+def test_what_is_refused_no_longer_is_attached_though_nothing_else_is_new(apart):
+    memory, robots = apart()
+    alpha = robots["alpha"]
+    hold(robots, "alpha", "bravo")
+    taken_out = Transform.planar(SHIFT["alpha"] - SHIFT["bravo"], 0.0, 0.0)
+    alpha.attempts.refusals.add("bravo", Refusal("alpha.bravo.1", (taken_out,), 3.0))
+    alpha.claims.add(claim(B, A))
+    alpha.heard(1)
+    assert list(told(memory)) == [("unattached", "bravo")]
+    alpha.attempts.refusals.forget("bravo")
+    alpha.heard(2)
+    assert list(told(memory)) == [("unattached", "bravo"), ("attached", "bravo")]
 
 
 def test_what_was_found_before_a_correction_leads_nowhere_until_it_is_found_again(apart):

@@ -139,8 +139,8 @@ class Member:
 
     def _state(self) -> tuple[object, ...]:
         standing = tuple(sorted(merge.merge_id for merge in self.standing.all))
-        own = self.standing.reversal.version
-        return self.claims.version, self.layers.changes, len(self.disbelieved), own, standing
+        own, refused = self.standing.reversal.version, self.standing.attempts.refusals.changes
+        return self.claims.version, self.layers.changes, len(self.disbelieved), refused, own, standing
 
     def _settled(self, stamp_ns: int) -> Explanation:
         """Revert what cannot stand, as far as it is this robot's affair, until nothing more follows."""
