@@ -109,6 +109,8 @@ class Merge:
     at: the first one, and the latest. ``verdict`` is the verifier's latest word. With a ``chain`` it is no merge of the
     receiver's own: the donor's layer was attached through others. ``corrections`` tells how often the receiver's and
     the donor's maps had been corrected when they were held against each other first, ``writer`` who wrote the layer.
+    ``epoch`` is that of its claim: the n of its id, unless somebody else has told of merges under the receiver's name;
+    ``claimed`` are the transforms that the receiver has told.
     """
 
     merge_id: str
@@ -132,6 +134,8 @@ class Merge:
     complaints: list[PluginError] = field(default_factory=list)  # of metrics that judge nothing
     due_at: int = 0  # observation of the receiver at which there is something to do next
     stood: list[Transform] = field(init=False)
+    epoch: int = field(init=False)
+    claimed: set[Transform] = field(default_factory=set)
     _began: int = 0
     _registered: int = 0
     _known: tuple[int, int] = (0, 0)
@@ -144,6 +148,7 @@ class Merge:
         verify = self.tools.procedure.verify
         self._judged, self._logged = _Round(self._rhythm(verify.every)), _Round(self._rhythm(verify.told_every))
         self.stood = [self.comparison.T_receiver_donor]
+        self.epoch = int(self.merge_id.rpartition(".")[2])
 
     @property
     def donor(self) -> str:

@@ -179,3 +179,18 @@ def test_who_never_meets_the_one_that_has_the_name_is_told_by_others(alike, hear
     meet(("delta", "charlie"), ("delta", "charlie"))  # it is told that it is not alpha, and comes as another
     assert layers_in(delta)["alpha~2"] == at_home("charlie", of="delta")
     assert layers_in(delta).get("alpha") in (None, at_home("alpha", of="delta"))
+
+
+def test_two_of_one_name_who_never_meet_hear_of_each_other_from_their_claims(alike, hear):
+    """Each alpha has met one of bravo and delta, and these tell each other of merges only."""
+    _, robots, meet = alike
+    robots["delta"].observe(hear("delta", *at_home("bravo", of="delta")))
+    line = [("alpha", "bravo"), ("bravo", "delta"), ("delta", "charlie")]
+    for _ in range(3):
+        meet(*line, *line[::-1])
+    assert robots["alpha"].graph.me == A and robots["charlie"].graph.me == Source("alpha~2", 2)
+    assert len({robot.claims.digest() for robot in robots.values()}) == 1
+    assert max(claim.epoch for claim in robots["bravo"].claims) <= 4
+    for robot in robots.values():
+        claimed = {claim.donor.name for claim in robot.claims.active() if claim.receiver == robot.graph.me}
+        assert claimed == set(robot.merges)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import permutations
 
 import pytest
@@ -98,3 +99,57 @@ def test_a_place_at_which_the_donor_contradicts_by_what_is_unknown_here_is_not_r
     robots["alpha"].claims.add(claim(D, C))
     robots["alpha"].heard(5)
     assert refusals(robots["alpha"]) == []
+
+
+def test_what_a_person_confirmed_is_told_again_where_the_donor_had_not_heard_of_it(apart):
+    _, robots = apart("alpha", "bravo", hand=CONFIRMED)
+    merged(robots, "alpha", "bravo")
+    alpha = robots["alpha"]
+    alpha.heard(1)
+    told = alpha.claims.of(A, B)
+    alpha.claims.add(replace(told, state="reverted", revision=1, by="consistency", reason="it cannot be"))
+    alpha.heard(2)
+    anew = alpha.claims.of(A, B)
+    assert (anew.epoch, anew.state, anew.by) == (2, "confirmed", "person")
+    assert anew.T_receiver_donor == told.T_receiver_donor and list(alpha.merges) == ["bravo"]
+    alpha.claims.add(replace(told, state="reverted", revision=9))
+    alpha.heard(3)
+    assert alpha.claims.of(A, B) == anew
+
+
+@pytest.mark.parametrize(
+    "foreign",
+    [
+        {"state": "confirmed", "revision": 3},
+        {"state": "reverted", "revision": 3, "by": "sequential"},
+        {"state": "provisional", "epoch": 4},
+        {"state": "reverted", "epoch": 4},
+    ],
+)
+def test_what_another_robot_of_the_name_has_told_of_its_merges_does_not_end_ones_own(apart, foreign):
+    """Both are called alpha, and each has merged bravo; what the one wrote before it took another name is told late."""
+    memory, robots = apart("alpha", "bravo")
+    alpha = robots["alpha"]
+    merged(robots, "alpha", "bravo")
+    alpha.heard(1)
+    mine = alpha.claims.of(A, B)
+    elsewhere = claim(A, B, 7.0, **foreign)
+    alpha.claims.add(elsewhere)
+    alpha.heard(2)
+    known = alpha.claims.of(A, B)
+    assert known.is_active and known.T_receiver_donor == mine.T_receiver_donor and known.epoch > elsewhere.epoch
+    assert list(alpha.merges) == ["bravo"] and not [event for event in memory.events if event.kind == "reverted"]
+    alpha.standing.revert(alpha.merges["bravo"], 3, Grounds("drawn", "test"), refuse=False)
+    alpha.heard(3)
+    assert not alpha.claims.of(A, B).is_active
+    alpha.looked_at.clear()
+    merged(robots, "alpha", "bravo")
+    alpha.heard(4)
+    assert alpha.claims.of(A, B).is_active
+
+
+def test_what_another_robot_of_the_name_has_told_of_is_taken_back_where_one_has_merged_nobody(apart):
+    _, robots = apart("alpha", "bravo")
+    robots["alpha"].claims.add(claim(A, C, 7.0))
+    robots["alpha"].heard(1)
+    assert not robots["alpha"].claims.of(A, C).is_active

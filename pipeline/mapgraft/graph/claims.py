@@ -56,10 +56,11 @@ class Claim:
     """What the receiver says of one merge it made.
 
     ``epoch`` is the n of the merge id, so that merging again after a revert is a new epoch, which what is told late of
-    the older one cannot undo. ``revision`` rises with every change within it. ``T_receiver_donor`` is in fixed point,
-    ``covariance`` in the receiver's frame, to first order, None where nobody knows. ``support`` is the log-odds (nats)
-    that the merge is right, as the receiver judges now, within ±12. ``stamp_ns`` is data time, ``by`` who decided.
-    ``corrections`` tells how often the receiver's and the donor's maps had been corrected when the transform was found.
+    the older one cannot undo; it is more where another robot of the same name has told of merges, too. ``revision``
+    rises with every change within it. ``T_receiver_donor`` is in fixed point, ``covariance`` in the receiver's frame,
+    to first order, None where nobody knows. ``support`` is the log-odds (nats) that the merge is right, as the receiver
+    judges now, within ±12. ``stamp_ns`` is data time, ``by`` who decided. ``corrections`` tells how often the
+    receiver's and the donor's maps had been corrected when the transform was found.
     The donor may write ``reverted`` of an epoch, too, and nobody else may write anything.
     """
 
@@ -95,7 +96,7 @@ class Claim:
 
     @property
     def merge_id(self) -> str:
-        """The id that the merge has in the receiver's history."""
+        """The id that the merge has in the receiver's history, if nobody else has told of merges under its name."""
         return f"{self.receiver.name}.{self.donor.name}.{self.epoch}"
 
     @property

@@ -67,17 +67,24 @@ class Member:
         """Bring the claims about the robot's own merges up to date."""
         merges = {_donor_of(merge): merge for merge in self.standing.by_donor.values()}
         for donor, merge in sorted(merges.items()):
-            known, n = self.claims.of(self.me, donor), _number_of(merge)
-            if known is None or known.epoch < n:
-                self.claims.add(_claim(self.me, donor, merge, n, 0, stamp_ns))
-            elif known.epoch == n and known.is_active and _is_news(known, merge):
-                self.claims.add(_claim(self.me, donor, merge, n, known.revision + 1, stamp_ns))
+            known = self.claims.of(self.me, donor)
+            if known is not None and _is_anothers(known, merge):
+                merge.epoch = known.epoch + 1
+            if known is None or known.epoch < merge.epoch:
+                self._tell(donor, merge, 0, stamp_ns)
+            elif known.is_active and _is_news(known, merge):
+                self._tell(donor, merge, known.revision + 1, stamp_ns)
         for claim in self.claims.active():
-            stands = claim.donor in merges and _number_of(merges[claim.donor]) == claim.epoch
-            if claim.receiver == self.me and not stands:
+            if claim.receiver == self.me and claim.donor not in merges:
                 ended = self.standing.ended.get(claim.donor.name)
                 by, reason = (ended.by, ended.reason) if ended else ("", "")
                 self.claims.add(_reverted(claim, stamp_ns, by, reason))
+
+    def _tell(self, donor: Source, merge: Merge, revision: int, stamp_ns: int) -> None:
+        """Write another revision of the claim about an own merge."""
+        claim = _claim(self.me, donor, merge, revision, stamp_ns)
+        merge.claimed.add(claim.T_receiver_donor)
+        self.claims.add(claim)
 
     def heard(self, stamp_ns: int) -> None:
         """Draw the consequences of what is known now: revert, attach, detach.
@@ -175,7 +182,7 @@ class Member:
         claim = grounds.claim
         if claim.receiver == self.me:
             merge = self.standing.by_donor.get(claim.donor.name)
-            if merge is not None and _number_of(merge) == claim.epoch and not merge.decided_by_person:
+            if merge is not None and merge.epoch == claim.epoch and not merge.decided_by_person:
                 told = Reasons(_said(grounds, merge), CONSISTENCY, evidence=_measured(grounds, merge))
                 self.standing.revert(merge, stamp_ns, told)
                 self.contradictions.reverted(merge, claim, explanation.loops)
@@ -185,9 +192,9 @@ class Member:
     def _obey(self, claim: Claim, stamp_ns: int) -> None:
         """The donor has taken back a merge that stands here."""
         merge = self.standing.by_donor.get(claim.donor.name)
-        if merge is None or _number_of(merge) != claim.epoch or merge.decided_by_person:
+        if merge is None or merge.epoch != claim.epoch or merge.decided_by_person:
             return
-        stood = _claim(self.me, claim.donor, merge, claim.epoch, claim.revision, stamp_ns)
+        stood = _claim(self.me, claim.donor, merge, claim.revision, stamp_ns)
         self.standing.revert(merge, stamp_ns, Reasons(f"{claim.donor.name} says: {claim.reason}", claim.by))
         if claim.by == CONSISTENCY:  # who speaks first makes no difference to how long the place is refused
             loops = find_loops((*self.claims.active(), stood), self.settings.tolerance)
@@ -300,20 +307,27 @@ def _donor_of(merge: Merge) -> Source:
     return Source(merge.provenance.source, merge.provenance.epoch)
 
 
-def _number_of(merge: Merge) -> int:
-    return int(merge.merge_id.rpartition(".")[2])
+def _is_anothers(known: Claim, merge: Merge) -> bool:
+    """Whether what is known of an own merge is not for it to obey: it is told anew, in an epoch of its own.
+
+    Another robot of the same name has written it, or a donor that had not heard what a person confirmed.
+    """
+    if known.epoch != merge.epoch:
+        return known.epoch > merge.epoch
+    if known.T_receiver_donor not in merge.claimed:
+        return True
+    return merge.decided_by_person and not known.is_active
 
 
-def _claim(me: Source, donor: Source, merge: Merge, epoch: int, revision: int, stamp_ns: int) -> Claim:
+def _claim(me: Source, donor: Source, merge: Merge, revision: int, stamp_ns: int) -> Claim:
     state: State = "confirmed" if merge.state == "confirmed" else "provisional"
     T, match = merge.comparison.T_receiver_donor, merge.match
     by = PERSON if merge.decided_by_person else merge.tools.procedure.verify.use
     known = match.covariance is not None and is_covariance((match.covariance + match.covariance.T) / 2.0)
     where = (T, match.scale, match.covariance if known else None)
     support, corrections = merge.support, merge.corrections
-    return Claim(
-        me, donor, epoch, state, revision, *where, support=support, stamp_ns=stamp_ns, by=by, corrections=corrections
-    )
+    what = (me, donor, merge.epoch, state, revision, *where)
+    return Claim(*what, support=support, stamp_ns=stamp_ns, by=by, corrections=corrections)
 
 
 def _is_news(known: Claim, merge: Merge) -> bool:

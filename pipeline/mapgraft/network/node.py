@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -97,6 +97,7 @@ class Node:
     unreadable: int = 0  # messages
     _questions: dict[Copy, Question] = field(default_factory=dict)
     _asked: dict[tuple[Copy, str], int] = field(default_factory=dict)  # since which hello of that peer
+    _spread: set[Source] = field(default_factory=set)  # those shared by several robots of which all here were told
     meetings: Meetings | None = None  # where robots see each other
     gossip: Gossip = field(init=False)
 
@@ -109,8 +110,7 @@ class Node:
         known = self.peers.get(peer)
         if self.meetings is not None:
             self._say(peer, *self.meetings.greeting(self.source, peer, known.source if known else None))
-        shared = sorted(self.writers.shared)[:MOST_SHARED]
-        self._say(peer, *[Namesake(source, self.writers.of(source)) for source in shared])
+        self._say(peer, *self._namesakes(self.writers.shared))
         own, others, news = self.gossip.hello(peer, self.source, known.source if known else None)
         return Hello(self.writer, self.host.offer(), own, others, news)
 
@@ -133,6 +133,7 @@ class Node:
                     self._say(sender, *self.meetings.heard(self.source, sender, message, now_ns))
                 case Namesake():
                     self._writes(message.source, message.writer, now_ns, of_several=True)
+                    self._wake(now_ns + self.patience_ns)
         except UnreadableError:
             self.unreadable += 1
 
@@ -147,6 +148,9 @@ class Node:
         self.wake_ns = None
         here = [peer for peer in neighbours if peer in self.peers]
         self._tell_news(here)
+        for peer in here:
+            self._say(peer, *self._namesakes(self.writers.shared - self._spread))
+        self._spread |= self.writers.shared
         is_quiet = len(self.outbox) == before
         self._ask_again(now_ns, here)
         if is_quiet:
@@ -164,6 +168,9 @@ class Node:
         for peer in here:
             while self.gossip.has_news_for(peer):
                 self._say(peer, Told(self.gossip.news_for(peer)))
+
+    def _namesakes(self, shared: Collection[Source]) -> Iterator[Namesake]:
+        return (Namesake(source, self.writers.of(source)) for source in sorted(shared)[:MOST_SHARED])
 
     def said(self) -> list[Outgoing]:
         """Empty the outbox."""
@@ -313,7 +320,10 @@ class Node:
             self._get(Copy(copy.source, "layer"), question.peer, question.offer, now_ns)
 
     def _learn(self, claims: Sequence[bytes], now_ns: int) -> None:
-        if self.gossip.learn(claims):
+        changed = self.gossip.learn(claims)
+        if any(claim.receiver == self.source and claim.is_active for claim in changed):  # which only this robot writes
+            self.writers.hear(self.source, self.writer, of_several=True)
+        if changed:
             self._wake(now_ns + self.patience_ns)
 
     def _writes(self, source: Source, writer: bytes, now_ns: int, of_several: bool = False) -> bool:
