@@ -95,9 +95,6 @@ def test_a_place_at_which_the_donor_contradicts_by_what_is_unknown_here_is_not_r
     robots["alpha"].claims.add(robots["bravo"].claims.of(A, B))
     robots["alpha"].heard(3)
     assert not robots["alpha"].merges
-    robots["alpha"].heard(4)
-    robots["alpha"].claims.add(claim(D, C))
-    robots["alpha"].heard(5)
     assert refusals(robots["alpha"]) == []
 
 

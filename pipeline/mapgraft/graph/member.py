@@ -95,9 +95,9 @@ class Member:
         known = self._state()
         if known == self._known and not self.standing.doubted:
             return
-        self.contradictions.lift(self.claims)
         self.contradictions.settle(self.explanation())
         explanation = self._settled(stamp_ns)
+        self.contradictions.lift(self.claims)
         self._tell_disputes(explanation, stamp_ns)
         self._attach(explanation, stamp_ns)
         while self._doubt(stamp_ns):
