@@ -109,8 +109,7 @@ class Merge:
     at: the first one, and the latest. ``verdict`` is the verifier's latest word. With a ``chain`` it is no merge of the
     receiver's own: the donor's layer was attached through others. ``corrections`` tells how often the receiver's and
     the donor's maps had been corrected when they were held against each other first, ``writer`` who wrote the layer.
-    ``epoch`` is that of its claim: the n of its id, unless somebody else has told of merges under the receiver's name;
-    ``claimed`` are the transforms that the receiver has told.
+    ``epoch`` is that of its claim: the n of its id, unless somebody else has told of merges under the receiver's name.
     """
 
     merge_id: str
@@ -135,7 +134,6 @@ class Merge:
     due_at: int = 0  # observation of the receiver at which there is something to do next
     stood: list[Transform] = field(init=False)
     epoch: int = field(init=False)
-    claimed: set[Transform] = field(default_factory=set)
     _began: int = 0
     _registered: int = 0
     _known: tuple[int, int] = (0, 0)

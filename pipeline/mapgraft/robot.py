@@ -307,7 +307,7 @@ class Robot:
     def _unusable(self, tools: Tools, provenance: Provenance, met: Encounter, reason: str) -> None:
         """An attempt that came to nothing, because there was nothing to try."""
         donor = provenance.source
-        attempt, merge_id = Attempt("unmatched", reason, 0), self.candidates.next_id(self.name, donor)
+        attempt, merge_id = Attempt("unmatched", reason, 0), self._next_id(provenance)
         self.candidates.keep(donor, LastAttempt(merge_id, tools.rule.name, None, met.own, met.other))
         self.journal.attempted(met.stamp_ns, attempt, tools, merge_id, provenance, 0)
 
@@ -330,7 +330,7 @@ class Robot:
             if attempt.verdict != "unmatched":
                 return True
             attempt = replace(attempt, reason=f"{attempt.reason} (from its preview)")
-        merge_id = self.candidates.next_id(self.name, donor)
+        merge_id = self._next_id(donation.provenance)
         if before := self.candidates.same_as_before(donor, attempt.match, met.site.about_m):
             attempt = replace(attempt, reason=f"{attempt.reason} (the same place as {before})")
         self.journal.attempting(merge_id, donation, attempt, tools)
@@ -343,6 +343,10 @@ class Robot:
             merge = self._merge(attempt, attempt.grafted, tools, merge_id, sent, met)
             self._obey(merge, met.stamp_ns)
         return False
+
+    def _next_id(self, donor: Provenance) -> str:
+        told = self.claims.of(self.graph.me, Source(donor.source, donor.epoch))
+        return self.candidates.next_id(self.name, donor.source, told)
 
     def _merge(
         self, attempt: Attempt, grafted: Grafted, tools: Tools, merge_id: str, sent: SentLayer, met: Encounter

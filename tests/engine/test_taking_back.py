@@ -6,11 +6,11 @@ from dataclasses import replace
 from itertools import permutations
 
 import pytest
-from four_robots import A, B, C, D, claim, merged
+from four_robots import A, B, C, D, claim, hold, merged
 
 from mapgraft.config import VerdictConfig
 from mapgraft.contracts import Transform
-from mapgraft.graph.claims import Claim
+from mapgraft.graph.claims import Claim, Source
 from mapgraft.persons import Hand
 from mapgraft.standing import Grounds
 
@@ -149,4 +149,31 @@ def test_what_another_robot_of_the_name_has_told_of_is_taken_back_where_one_has_
     _, robots = apart("alpha", "bravo")
     robots["alpha"].claims.add(claim(A, C, 7.0))
     robots["alpha"].heard(1)
-    assert not robots["alpha"].claims.of(A, C).is_active
+    known = robots["alpha"].claims.of(A, C)
+    assert (known.state, known.by) == ("reverted", "namesake")
+
+
+def test_who_is_called_the_same_takes_nothing_back_that_was_told_by_the_other(apart):
+    """Before they have heard of each other each finds claims of merges that it has not made."""
+    memory, robots = apart("alpha", "bravo")
+    alpha, bravo = robots["alpha"], robots["bravo"]
+    merged(robots, "alpha", "bravo")
+    alpha.heard(1)
+    bravo.graph.me = A
+    bravo.claims.add(alpha.claims.of(A, B))
+    bravo.heard(1)
+    alpha.claims.add(bravo.claims.of(A, B))
+    alpha.heard(2)
+    assert list(alpha.merges) == ["bravo"] and alpha.claims.of(A, B).is_active
+    assert not [event for event in memory.events if event.kind == "reverted"]
+
+
+def test_who_takes_another_name_has_no_more_what_led_to_the_old_one(apart):
+    _, robots = apart("alpha", "bravo")
+    alpha = robots["alpha"]
+    hold(robots, "alpha", "bravo")
+    alpha.claims.add(claim(B, A))
+    alpha.heard(1)
+    assert alpha.reversal.contributions
+    alpha.rename(Source("alpha~2", 2), "another robot is called alpha", 2)
+    assert not alpha.reversal.contributions

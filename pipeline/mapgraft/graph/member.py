@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal, NamedTuple
 
-from mapgraft.contracts import Verdict
+from mapgraft.contracts import Transform, Verdict
 from mapgraft.decision import DecisionTable
 from mapgraft.graph.attached import Attachments
 from mapgraft.graph.book import Grounds
@@ -54,6 +54,7 @@ class Member:
     disbelieved: dict[tuple[Edge, int, tuple[int, int]], Doubt] = field(default_factory=dict)
     attachments: Attachments = field(init=False)
     contradictions: Contradictions = field(init=False)
+    _written: set[tuple[Edge, int, Transform]] = field(default_factory=set)  # what it told of own merges, by epoch
     _disputed: dict[Edge, int] = field(default_factory=dict)
     _explained: tuple[int, Explanation] = (-1, Explanation())
     _known: tuple[object, ...] = ()
@@ -68,7 +69,7 @@ class Member:
         merges = {_donor_of(merge): merge for merge in self.standing.by_donor.values()}
         for donor, merge in sorted(merges.items()):
             known = self.claims.of(self.me, donor)
-            if known is not None and _is_anothers(known, merge):
+            if known is not None and self._is_anothers(known, merge):
                 merge.epoch = known.epoch + 1
             if known is None or known.epoch < merge.epoch:
                 self._tell(donor, merge, 0, stamp_ns)
@@ -76,15 +77,35 @@ class Member:
                 self._tell(donor, merge, known.revision + 1, stamp_ns)
         for claim in self.claims.active():
             if claim.receiver == self.me and claim.donor not in merges:
-                ended = self.standing.ended.get(claim.donor.name)
-                by, reason = (ended.by, ended.reason) if ended else ("", "")
-                self.claims.add(_reverted(claim, stamp_ns, by, reason))
+                self.claims.add(_reverted(claim, stamp_ns, *self._why_ended(claim)))
 
     def _tell(self, donor: Source, merge: Merge, revision: int, stamp_ns: int) -> None:
         """Write another revision of the claim about an own merge."""
         claim = _claim(self.me, donor, merge, revision, stamp_ns)
-        merge.claimed.add(claim.T_receiver_donor)
+        self._written.add((claim.edge, claim.epoch, claim.T_receiver_donor))
         self.claims.add(claim)
+
+    def _has_written(self, claim: Claim) -> bool:
+        """Whether a claim says, or takes back, what this robot has told of a merge of its own."""
+        return (claim.edge, claim.epoch, claim.T_receiver_donor) in self._written
+
+    def _is_anothers(self, known: Claim, merge: Merge) -> bool:
+        """Whether what is known of an own merge is not for it to obey: it is told anew, in an epoch of its own.
+
+        Another robot of the same name has written it, or a donor that had not heard what a person confirmed.
+        """
+        if known.epoch != merge.epoch:
+            return known.epoch > merge.epoch
+        if not self._has_written(known):
+            return True
+        return not known.is_active and (merge.decided_by_person or known.by == NAMESAKE)
+
+    def _why_ended(self, claim: Claim) -> tuple[str, str]:
+        """Who ended an own merge that was told of, and why."""
+        if not self._has_written(claim):
+            return NAMESAKE, f"another robot is called {self.me.name}, too, and has told it"
+        ended = self.standing.ended.get(claim.donor.name)
+        return (ended.by, ended.reason) if ended else ("", "")
 
     def heard(self, stamp_ns: int) -> None:
         """Draw the consequences of what is known now: revert, attach, detach.
@@ -147,7 +168,7 @@ class Member:
     def _state(self) -> tuple[object, ...]:
         standing = tuple(sorted(merge.merge_id for merge in self.standing.all))
         own, refused = self.standing.reversal.version, self.standing.attempts.refusals.changes
-        return self.claims.version, self.layers.changes, len(self.disbelieved), refused, own, standing
+        return self.me, self.claims.version, self.layers.changes, len(self.disbelieved), refused, own, standing
 
     def _settled(self, stamp_ns: int) -> Explanation:
         """Revert what cannot stand, as far as it is this robot's affair, until nothing more follows."""
@@ -305,18 +326,6 @@ def _measured(grounds: Grounds, merge: Merge | None) -> dict[str, float]:
 
 def _donor_of(merge: Merge) -> Source:
     return Source(merge.provenance.source, merge.provenance.epoch)
-
-
-def _is_anothers(known: Claim, merge: Merge) -> bool:
-    """Whether what is known of an own merge is not for it to obey: it is told anew, in an epoch of its own.
-
-    Another robot of the same name has written it, or a donor that had not heard what a person confirmed.
-    """
-    if known.epoch != merge.epoch:
-        return known.epoch > merge.epoch
-    if known.T_receiver_donor not in merge.claimed:
-        return True
-    return merge.decided_by_person and not known.is_active
 
 
 def _claim(me: Source, donor: Source, merge: Merge, revision: int, stamp_ns: int) -> Claim:
