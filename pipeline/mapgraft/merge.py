@@ -135,6 +135,7 @@ class Merge:
     stood: list[Transform] = field(init=False)
     epoch: int = field(init=False)
     _began: int = 0
+    _placed: int = 0
     _registered: int = 0
     _known: tuple[int, int] = (0, 0)
     _told: int = 0
@@ -173,7 +174,7 @@ class Merge:
         ``accepted``: by now the map holds the donor itself.
         """
         verify, now = self.tools.procedure.verify, self.trail.now
-        self._began = self._registered = self._told = now
+        self._began = self._registered = self._told = self._placed = now
         if self.meeting is not None:
             self._known = (self.meeting.target.known(), self.meeting.source.known())
         for name in dict.fromkeys((*verify.metric_names, *verify.log.metrics)):
@@ -213,6 +214,7 @@ class Merge:
         self.comparison.put_donor(made.donor_layer, made.T_receiver_donor, made.match)
         if made.T_receiver_donor != self.stood[-1]:
             self.stood.append(made.T_receiver_donor)
+        self._placed = self.trail.now
         for watch in self._watches:
             watch.everything = watch.donor_changed = True
             watch.seen = self.trail.now
@@ -327,6 +329,11 @@ class Merge:
     def has_news(self) -> bool:
         """Whether anything has happened since the metrics were last asked that makes a difference to them."""
         return any(watch.is_concerned(self.trail) for watch in self._watches)
+
+    @property
+    def was_tested(self) -> bool:
+        """Whether the receiver has observed anything since the donor's layer was put where it is."""
+        return self.trail.now > self._placed
 
     @property
     def is_untold(self) -> bool:

@@ -224,6 +224,18 @@ def test_own_cells_that_contradict_what_was_attached_are_evidence_against_anothe
     assert not any(c.provenance.source == "charlie" for c in alpha.reversal.contributions.values())
 
 
+def test_a_place_through_which_a_layer_only_passed_is_no_evidence(apart):
+    """What is told in three messages, and drawn three times, is as if it had been told at once."""
+    memory, robots = apart()
+    alpha = robots["alpha"]
+    hold(robots, "alpha", "bravo")
+    for revision, off_m in enumerate((1.3, 1.6, 1.9)):
+        alpha.claims.add(claim(B, A, off_m, revision=revision))
+        alpha.heard(revision)
+    assert list(told(memory)) == [("attached", "bravo"), ("reattached", "bravo"), ("reattached", "bravo")]
+    assert not alpha.graph.disbelieved
+
+
 def test_an_own_merge_that_contradicts_others_is_reverted_with_the_loops_as_evidence(apart):
     memory, robots = apart()
     alpha = robots["alpha"]

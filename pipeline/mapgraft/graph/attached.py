@@ -118,7 +118,7 @@ class Attachments:
         T = match.T_receiver_donor
         moved = merge.match.T_receiver_donor != T or match.scale != merge.match.scale
         newer = version != merge.provenance.version
-        if (moved or newer) and merge.has_news:  # what was observed until now is judged by the transform that stood
+        if (moved or newer) and merge.was_tested and merge.has_news:  # by the transform that stood
             standing.verify(merge, stamp_ns, everything=True)
             if any(one is merge for one, _ in standing.doubted):
                 return
