@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from mapgraft.contracts import MapMetadata, Match
+from mapgraft.graph.claims import Claim
 from mapgraft.persons import same_place
 
 
@@ -27,9 +28,9 @@ class Candidates:
     counts: dict[str, int] = field(default_factory=dict)
     last: dict[str, LastAttempt] = field(default_factory=dict)
 
-    def next_id(self, receiver: str, donor: str) -> str:
-        """The id of the attempt that is made now."""
-        self.counts[donor] = self.counts.get(donor, 0) + 1
+    def next_id(self, receiver: str, donor: str, told: Claim | None = None) -> str:
+        """The id of the attempt that is made now: beyond what is ``told`` of this pair, by whomever."""
+        self.counts[donor] = 1 + max(self.counts.get(donor, 0), 0 if told is None else told.epoch)
         return f"{receiver}.{donor}.{self.counts[donor]}"
 
     def waits(self, donor: str, rule: str, growth: float, own: MapMetadata, other: MapMetadata) -> bool:

@@ -99,7 +99,8 @@ class SentLayer:
 
     ``corrections`` is as in the offer. ``parts`` gives what the map type cut it into (``PartedType``), or its encoding
     as the only one where ``form`` is ``whole``. ``size`` counts the bytes in which it came; what was held before did
-    not come again.
+    not come again. ``writer`` is who wrote it: two robots of one name are told apart by it, and the source is the one
+    with the smallest.
     """
 
     provenance: Provenance
@@ -108,6 +109,7 @@ class SentLayer:
     parts: Callable[[], Mapping[bytes, bytes]]
     size: int
     corrections: int = 0
+    writer: bytes = b""
 
     def layer(self, map_type: MapType) -> Layer:
         """The layer, live; raises MapError when the parts do not make one."""

@@ -108,7 +108,8 @@ class Merge:
     one that was accepted, the last that of now. ``history`` holds the samples that have all the verifier looks
     at: the first one, and the latest. ``verdict`` is the verifier's latest word. With a ``chain`` it is no merge of the
     receiver's own: the donor's layer was attached through others. ``corrections`` tells how often the receiver's and
-    the donor's maps had been corrected when they were held against each other first.
+    the donor's maps had been corrected when they were held against each other first, ``writer`` who wrote the layer.
+    ``epoch`` is that of its claim: the n of its id, unless somebody else has told of merges under the receiver's name.
     """
 
     merge_id: str
@@ -122,6 +123,7 @@ class Merge:
     meeting: Meeting | None = None
     chain: Chain | None = None
     corrections: tuple[int, int] = (0, 0)
+    writer: bytes = b""
     state: State = "provisional"
     history: list[Sample] = field(default_factory=list)
     decided_by_person: bool = False
@@ -131,7 +133,9 @@ class Merge:
     complaints: list[PluginError] = field(default_factory=list)  # of metrics that judge nothing
     due_at: int = 0  # observation of the receiver at which there is something to do next
     stood: list[Transform] = field(init=False)
+    epoch: int = field(init=False)
     _began: int = 0
+    _placed: int = 0
     _registered: int = 0
     _known: tuple[int, int] = (0, 0)
     _told: int = 0
@@ -143,6 +147,7 @@ class Merge:
         verify = self.tools.procedure.verify
         self._judged, self._logged = _Round(self._rhythm(verify.every)), _Round(self._rhythm(verify.told_every))
         self.stood = [self.comparison.T_receiver_donor]
+        self.epoch = int(self.merge_id.rpartition(".")[2])
 
     @property
     def donor(self) -> str:
@@ -169,7 +174,7 @@ class Merge:
         ``accepted``: by now the map holds the donor itself.
         """
         verify, now = self.tools.procedure.verify, self.trail.now
-        self._began = self._registered = self._told = now
+        self._began = self._registered = self._told = self._placed = now
         if self.meeting is not None:
             self._known = (self.meeting.target.known(), self.meeting.source.known())
         for name in dict.fromkeys((*verify.metric_names, *verify.log.metrics)):
@@ -209,6 +214,7 @@ class Merge:
         self.comparison.put_donor(made.donor_layer, made.T_receiver_donor, made.match)
         if made.T_receiver_donor != self.stood[-1]:
             self.stood.append(made.T_receiver_donor)
+        self._placed = self.trail.now
         for watch in self._watches:
             watch.everything = watch.donor_changed = True
             watch.seen = self.trail.now
@@ -323,6 +329,11 @@ class Merge:
     def has_news(self) -> bool:
         """Whether anything has happened since the metrics were last asked that makes a difference to them."""
         return any(watch.is_concerned(self.trail) for watch in self._watches)
+
+    @property
+    def was_tested(self) -> bool:
+        """Whether the receiver has observed anything since the donor's layer was put where it is."""
+        return self.trail.now > self._placed
 
     @property
     def is_untold(self) -> bool:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 
 from mapgraft.config import PriorConfig, VerdictConfig
 from mapgraft.contracts import Covariance, Prior, Transform
+from mapgraft.lives import base_name
 
 SAME_PLACE_M, SAME_TURN_RAD = 0.5, math.radians(5.0)  # what a person would call the same place
 RECORDED_SIGMA_M, RECORDED_SIGMA_YAW_RAD = 0.1, 0.02  # of relative poses that the recording itself tells
@@ -30,7 +32,9 @@ class Hand:
     obeyed: list[VerdictConfig] = field(default_factory=list)
 
     def forbids(self, receiver: str, donor: str) -> bool:
-        return frozenset((receiver, donor)) in self.forbidden
+        """Whether this pair may not merge; what was said of a robot holds for all its lives."""
+        pairs = product({receiver, base_name(receiver)}, {donor, base_name(donor)})
+        return any(frozenset(pair) in self.forbidden for pair in pairs)
 
     def verdict_on(self, merge_id: str, T_receiver_donor: Transform, about_m: Sequence[float]) -> VerdictConfig | None:
         """What a person said of this merge, noted as obeyed; ``about_m`` is where the donor's map is, in its frame."""

@@ -56,21 +56,31 @@ class Sifted:
 
 @dataclass(slots=True)
 class Refusals:
-    """One receiver's, per donor. What a person took out is never taken again by itself."""
+    """One receiver's, per donor. What a person took out is never taken again by itself.
+
+    ``changes`` rises with whatever is refused from now on, or no longer.
+    """
 
     by_donor: dict[str, list[Refusal]] = field(default_factory=dict)
+    changes: int = 0
 
     def add(self, donor: str, refusal: Refusal) -> None:
         self.by_donor.setdefault(donor, []).append(refusal)
+        self.changes += 1
 
     def forget(self, donor: str) -> None:
         """One of the maps is another one now: only what a person took out is still refused."""
-        self.by_donor[donor] = [refusal for refusal in self.by_donor.get(donor, ()) if refusal.by_person]
+        self._keep(donor, [refusal for refusal in self.by_donor.get(donor, ()) if refusal.by_person])
 
     def lift(self, donor: str, merge_id: str) -> None:
         """What spoke against one merge has turned out to be wrong."""
         known = self.by_donor.get(donor, ())
-        self.by_donor[donor] = [one for one in known if one.merge_id != merge_id or one.by_person]
+        self._keep(donor, [one for one in known if one.merge_id != merge_id or one.by_person])
+
+    def _keep(self, donor: str, kept: list[Refusal]) -> None:
+        if len(kept) < len(self.by_donor.get(donor, ())):
+            self.by_donor[donor] = kept
+            self.changes += 1
 
     def at(self, donor: str, T_receiver_donor: Transform, about_m: Sequence[float]) -> list[Refusal]:
         """What was taken out at this place; ``about_m`` is where the donor's map is, in its frame."""

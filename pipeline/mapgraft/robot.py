@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 
 from mapgraft.attempt import Attempt, Attempts, Grafted
 from mapgraft.candidates import Candidates, LastAttempt
-from mapgraft.contracts import Layer, MapMetadata, MapType, Observation, Provenance, Transform
+from mapgraft.contracts import MapMetadata, MapType, Observation, Provenance, Transform
 from mapgraft.correction import Correction, Recollection
 from mapgraft.decision import DecisionTable
 from mapgraft.encounter import Encounter, Rules
 from mapgraft.errors import IrreversibleError, MapError, PluginError, ReversalError
-from mapgraft.exchange import Form, Offer, SentLayer
+from mapgraft.exchange import Offer, SentLayer
 from mapgraft.graph.claims import Claims, Source
 from mapgraft.graph.consistency import Settings
 from mapgraft.graph.member import Member, Through
@@ -199,6 +199,15 @@ class Robot:
             self.candidates.forget(donor)
             self.attempts.refusals.forget(donor)
 
+    def belongs(self, source: Source, writer: bytes, stamp_ns: int) -> None:
+        """A source is that writer's: what came as its from another robot of the name goes. Raises as ``heard``."""
+        if self.failed:
+            return
+        for known in (self.looked_at, self.wanted, self.corrected):
+            known.pop(source.name, None)
+        self._try_anew(source.name)
+        self.graph.belongs(source, writer, stamp_ns)
+
     def offer(self) -> bytes:
         """What this robot tells about its map; raises FailedPluginError or MapError when its type cannot tell."""
         return self.own.offer()
@@ -206,26 +215,6 @@ class Robot:
     def layer(self) -> SentLayer:
         """This robot's own evidence, raw and in its own frame, as a whole; raises as ``offer``."""
         return self.own.layer()
-
-    def cut(self, stamp_ns: int, preview: bool = False) -> tuple[Form, Mapping[bytes, bytes]]:
-        """The offered layer as it travels, or its preview.
-
-        A map type that fails to cut it is complained of, and the layer goes as a whole. Raises MapError when no preview
-        is to be had, and as ``offer`` when the layer cannot be encoded.
-        """
-        layer = self._preview(stamp_ns) if preview else self.reversal.offered_layer()
-        try:
-            return self.own.cut(layer)
-        except (PluginError, MapError) as error:
-            self.complain(error, stamp_ns)
-            return self.own.uncut(layer)
-
-    def _preview(self, stamp_ns: int) -> Layer:
-        try:
-            return self.own.preview()
-        except PluginError as error:
-            self.complain(error, stamp_ns)
-            raise MapError(str(error)) from error
 
     def wants(self, offer: bytes, size: int, stamp_ns: int) -> bool:
         """Whether a donor's layer is wanted: to bring a standing merge up to date, or to try to merge it.
@@ -318,7 +307,7 @@ class Robot:
     def _unusable(self, tools: Tools, provenance: Provenance, met: Encounter, reason: str) -> None:
         """An attempt that came to nothing, because there was nothing to try."""
         donor = provenance.source
-        attempt, merge_id = Attempt("unmatched", reason, 0), self.candidates.next_id(self.name, donor)
+        attempt, merge_id = Attempt("unmatched", reason, 0), self._next_id(provenance)
         self.candidates.keep(donor, LastAttempt(merge_id, tools.rule.name, None, met.own, met.other))
         self.journal.attempted(met.stamp_ns, attempt, tools, merge_id, provenance, 0)
 
@@ -341,7 +330,7 @@ class Robot:
             if attempt.verdict != "unmatched":
                 return True
             attempt = replace(attempt, reason=f"{attempt.reason} (from its preview)")
-        merge_id = self.candidates.next_id(self.name, donor)
+        merge_id = self._next_id(donation.provenance)
         if before := self.candidates.same_as_before(donor, attempt.match, met.site.about_m):
             attempt = replace(attempt, reason=f"{attempt.reason} (the same place as {before})")
         self.journal.attempting(merge_id, donation, attempt, tools)
@@ -355,6 +344,10 @@ class Robot:
             self._obey(merge, met.stamp_ns)
         return False
 
+    def _next_id(self, donor: Provenance) -> str:
+        told = self.claims.of(self.graph.me, Source(donor.source, donor.epoch))
+        return self.candidates.next_id(self.name, donor.source, told)
+
     def _merge(
         self, attempt: Attempt, grafted: Grafted, tools: Tools, merge_id: str, sent: SentLayer, met: Encounter
     ) -> Merge:
@@ -363,7 +356,7 @@ class Robot:
         made = (merge_id, tools, grafted.match, provenance, grafted.comparison, self.reversal.name)
         meeting = grafted.meeting if tools.refines and self.reversal.name != "single_map" else None
         corrections = (self.own.corrections, sent.corrections)
-        merge = Merge(*made, self.standing.trail, met.site, meeting, corrections=corrections)
+        merge = Merge(*made, self.standing.trail, met.site, meeting, corrections=corrections, writer=sent.writer)
         self.standing.show("before merge", stamp_ns, merge_id, entering=(merge,))
         with self.workshop.guard.calling("fuser", tools.procedure.fuse.use):
             self.reversal.merge(merge_id, grafted.contribution)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import beacons as beacon_plugin
 import pytest
+from four_robots import WORLD, begun
 
 from mapgraft.config import LimitsConfig
 from mapgraft.contracts import Meeting, Observation, Situation, Transform
@@ -90,3 +91,15 @@ def play(plugins, hear):
         return memory, robots, exchange
 
     return run
+
+
+@pytest.fixture
+def apart(play) -> Callable[..., tuple]:
+    """Robots that have observed and not met; returns the memory and the robots."""
+
+    def make(*names: str, **options) -> tuple:
+        memory, robots, _ = play(*begun(*(names or WORLD)), **options)
+        memory.events.clear()
+        return memory, robots
+
+    return make

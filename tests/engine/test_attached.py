@@ -4,60 +4,18 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
+from four_robots import SHIFT, WORLD, A, B, C, D, alone, begun, claim, fused, heard_by, hold, merged
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mapgraft.contracts import Transform
-from mapgraft.graph.claims import Claim, Source
+from mapgraft.graph.claims import Claim
 from mapgraft.persons import Hand
+from mapgraft.refusals import Refusal
 from mapgraft.standing import Grounds
-
-WORLD = {"alpha": (0, 2, 5), "bravo": (0, 2, 5, 20, 27, 38, 54), "charlie": (20, 27, 38, 54), "delta": (38, 54, 70)}
-SHIFT = {"alpha": 0, "bravo": 100, "charlie": -20, "delta": 7}  # of a robot's own line against the world
-A, B, C, D = (Source(name, 1) for name in WORLD)
-
-
-def heard_by(robot: str) -> tuple[int, ...]:
-    return tuple(at + SHIFT[robot] for at in WORLD[robot])
-
-
-def begun(*names: str) -> list[tuple]:
-    return [(0, name, *heard_by(name)) for name in names]
-
-
-def claim(receiver: Source, donor: Source, off_m: float = 0.0, **more) -> Claim:
-    T = Transform.planar(SHIFT[receiver.name] - SHIFT[donor.name] + off_m, 0.0, 0.0)
-    fields = {"epoch": 1, "state": "confirmed", "revision": 0, "support": 5.0} | more
-    return Claim(receiver, donor, T_receiver_donor=T, **fields)
-
-
-@pytest.fixture
-def apart(play) -> Callable[..., tuple]:
-    """Robots that have observed and not met; returns the memory and the robots."""
-
-    def make(*names: str, **options) -> tuple:
-        memory, robots, _ = play(*begun(*(names or WORLD)), **options)
-        memory.events.clear()
-        return memory, robots
-
-    return make
-
-
-def hold(robots, receiver: str, *donors: str) -> None:
-    for donor in donors:
-        robots[receiver].graph.layers.add(robots[donor].layer())
-
-
-def alone(robot: str) -> Counter[int]:
-    """What a robot has heard, on alpha's line."""
-    return Counter(WORLD[robot])
-
-
-def fused(robot) -> Counter[int]:
-    return Counter(dict(robot.reversal.fused().counts))
 
 
 def told(memory, receiver: str = "alpha") -> Iterator[tuple[str, str]]:
@@ -124,6 +82,34 @@ def test_a_newer_layer_takes_the_place_of_the_older_one(apart, hear):
     assert list(told(memory)) == [("attached", "bravo"), ("reattached", "bravo")]
     assert memory.events[-1].reason == "there is a newer layer"
     assert fused(alpha)[90] == 1
+
+
+def test_what_moves_a_little_to_where_it_was_taken_out_goes(apart):
+    """In small steps, each of which is the same place for a person, as in one that is not."""
+    memory, robots = apart()
+    alpha = robots["alpha"]
+    hold(robots, "alpha", "bravo")
+    taken_out = Transform.planar(SHIFT["alpha"] - SHIFT["bravo"], 0.0, 0.0)
+    alpha.attempts.refusals.add("bravo", Refusal("alpha.bravo.1", (taken_out,), 3.0))
+    for revision, off_m in enumerate((-1.2, -0.8)):
+        alpha.claims.add(claim(B, A, off_m, revision=revision))
+        alpha.heard(revision)
+    assert list(told(memory)) == [("attached", "bravo"), ("detached", "bravo"), ("unattached", "bravo")]
+    assert memory.events[-1].reason == "alpha.bravo.1 was reverted there"
+
+
+def test_what_is_refused_no_longer_is_attached_though_nothing_else_is_new(apart):
+    memory, robots = apart()
+    alpha = robots["alpha"]
+    hold(robots, "alpha", "bravo")
+    taken_out = Transform.planar(SHIFT["alpha"] - SHIFT["bravo"], 0.0, 0.0)
+    alpha.attempts.refusals.add("bravo", Refusal("alpha.bravo.1", (taken_out,), 3.0))
+    alpha.claims.add(claim(B, A))
+    alpha.heard(1)
+    assert list(told(memory)) == [("unattached", "bravo")]
+    alpha.attempts.refusals.forget("bravo")
+    alpha.heard(2)
+    assert list(told(memory)) == [("unattached", "bravo"), ("attached", "bravo")]
 
 
 def test_what_was_found_before_a_correction_leads_nowhere_until_it_is_found_again(apart):
@@ -238,11 +224,16 @@ def test_own_cells_that_contradict_what_was_attached_are_evidence_against_anothe
     assert not any(c.provenance.source == "charlie" for c in alpha.reversal.contributions.values())
 
 
-def merged(robots, receiver: str, donor: str) -> None:
-    offer = robots[donor].offer()
-    assert robots[receiver].wants(offer, len(offer), 1)
-    robots[receiver].consider(offer, robots[donor].layer(), 1)
-    assert donor in robots[receiver].merges
+def test_a_place_through_which_a_layer_only_passed_is_no_evidence(apart):
+    """What is told in three messages, and drawn three times, is as if it had been told at once."""
+    memory, robots = apart()
+    alpha = robots["alpha"]
+    hold(robots, "alpha", "bravo")
+    for revision, off_m in enumerate((1.3, 1.6, 1.9)):
+        alpha.claims.add(claim(B, A, off_m, revision=revision))
+        alpha.heard(revision)
+    assert list(told(memory)) == [("attached", "bravo"), ("reattached", "bravo"), ("reattached", "bravo")]
+    assert not alpha.graph.disbelieved
 
 
 def test_an_own_merge_that_contradicts_others_is_reverted_with_the_loops_as_evidence(apart):

@@ -155,6 +155,9 @@ class Listener:
         assert source != self.source
         self.source = source
 
+    def belongs(self, source: Source, writer: bytes, stamp_ns: int) -> None:
+        assert source != self.source and any(writer)
+
 
 def _is_read(whole: Whole) -> bool:
     """The engine reads what has come in; that a piece is missing is told."""

@@ -234,10 +234,49 @@ def test_of_two_robots_of_one_name_the_second_gets_another(first):
         met(swarm, pair)
     a, b, c = (swarm.robots[name] for name in "abc")
     assert a.source == Source("alpha", 1) and b.source == Source("alpha~2", 2)
-    assert Source("alpha", 1) in a.node.namesakes | b.node.namesakes
+    assert Source("alpha", 1) in a.node.writers.shared | b.node.writers.shared
     swarm.heal()
     assert {held(c, a), held(c, b)} == {2, 1}
     assert swarm.disagreements() == []
+
+
+def test_what_is_on_its_way_from_who_has_no_right_to_the_name_is_left_aside():
+    """Both robots called alpha are asked; what the one says that has to take another name comes last, or first."""
+    for answered in ("ab", "ba"):
+        swarm = Swarm()
+        a, b, c = (swarm.add(*given, previews=False).node for given in (("a", "alpha"), ("b", "alpha"), ("c",)))
+        for _ in range(3):
+            swarm.robots["b"].observe()
+        swarm.robots["a"].observe()
+        for sender, node in (("b", b), ("a", a)):
+            c.hear(sender, encode(node.greeting("c")), 0)
+        wants = [(one.receiver, one.message) for one in c.said() if isinstance(one.message, Want)]
+        assert [receiver for receiver, _ in wants] == ["b", "a"]
+        for receiver, want in sorted(wants, key=lambda one: answered.index(one[0])):
+            node = swarm.robots[receiver].node
+            node.hear("c", encode(replace(want, writer=bytes(8))), 0)
+            for one in node.said():
+                c.hear(receiver, encode(one.message), 0)
+        assert c.replica.head(Copy(Source("alpha", 1), "layer")).writer == a.writer
+        assert held(swarm.robots["c"], swarm.robots["a"]) == 1
+
+
+def test_who_asks_and_who_answers_learn_whose_a_source_is():
+    """c and d have each met another alpha, and then each other only."""
+    for asks, answers in ("cd", "dc"):
+        swarm = Swarm()
+        for address, name in (("a", "alpha"), ("b", "alpha"), ("c", "c"), ("d", "d")):
+            swarm.add(address, name, previews=False).observe()
+        met(swarm, "ac", "bd")
+        nodes = {address: swarm.robots[address].node for address in "cd"}
+        copy = Copy(Source("alpha", 1), "layer")
+        want = nodes[asks].replica.wish(copy)
+        nodes[answers].hear(asks, encode(want), swarm.now_ns)
+        knows = {address for address, node in nodes.items() if node.writers.of(copy.source)[:1] == b"a"}
+        assert knows == ({"c", "d"} if asks == "c" else {"c"})
+        assert (nodes["d"].replica.head(copy) is None) == (asks == "c")
+        if asks == "c":
+            assert not swarm.robots["d"].claims.of(Source("d", 1), copy.source).is_active
 
 
 def test_three_robots_of_one_name_become_three():

@@ -86,6 +86,7 @@ class Robot:
     corrections: int = 0
     scans: list[Observation] = field(default_factory=list)
     attempts: dict[Source, int] = field(default_factory=dict)
+    merged_from: dict[Source, bytes] = field(default_factory=dict)  # whose layer it was that was merged
     refusals: list[str] = field(default_factory=list)
     reversal: Reversal = field(init=False)
     node: Node = field(init=False)
@@ -169,6 +170,7 @@ class Robot:
         if aspect == "preview":
             return "layer"
         if self.claims.of(self.source, donor) is None and provenance.version:
+            self.merged_from[donor] = whole.head.writer
             self.claim(donor, "provisional")
         return "nothing"
 
@@ -187,6 +189,12 @@ class Robot:
             self.reversal.revert(merge_id)
         self._attached.clear()
         self.source = source
+
+    def belongs(self, source: Source, writer: bytes, stamp_ns: int) -> None:
+        """What was claimed of the map of another robot that is called so, too, is taken back."""
+        known = self.claims.of(self.source, source)
+        if self.merged_from.pop(source, writer) > writer and known is not None and known.is_active:
+            self.claim(source, "reverted")
 
     def heard(self, stamp_ns: int) -> None:
         """Swap what is attached for what follows from the claims and layers held now."""

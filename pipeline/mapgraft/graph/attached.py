@@ -108,7 +108,8 @@ class Attachments:
             else:
                 standing.reversal.merge(name, contribution)
         corrections = (standing.own.corrections, sent.corrections)
-        standing.attached[source] = Merge(*made, standing.trail, site, grafted.meeting, chain, corrections)
+        entered = (standing.trail, site, grafted.meeting, chain, corrections, sent.writer)
+        standing.attached[source] = Merge(*made, *entered)
         self._made_of[source] = (contribution.provenance.version, standing.reversal.version)
 
     def _renew(self, source: Source, merge: Merge, chain: Chain, sent: SentLayer, stamp_ns: int) -> None:
@@ -117,18 +118,18 @@ class Attachments:
         T = match.T_receiver_donor
         moved = merge.match.T_receiver_donor != T or match.scale != merge.match.scale
         newer = version != merge.provenance.version
-        if (moved or newer) and merge.has_news:  # what was observed until now is judged by the transform that stood
+        if (moved or newer) and merge.was_tested and merge.has_news:  # by the transform that stood
             standing.verify(merge, stamp_ns, everything=True)
             if any(one is merge for one, _ in standing.doubted):
                 return
         before, merge.chain = merge.chain, chain
-        is_elsewhere = not same_place(merge.comparison.T_receiver_donor, T, merge.site.about_m)
-        if is_elsewhere and (why := self._refused(source, match, merge.site)):
+        meeting = self._meeting(merge, sent)
+        if why := self._refused(source, match, merge.site):
             raise MapError(why)
         if not (moved or newer) and self._made_of[source] == (version, standing.reversal.version):
             return
-        grafted = standing.attempts.graft(merge.tools, self._meeting(merge, sent), match)
-        if is_elsewhere:  # what spoke for it no longer does
+        grafted = standing.attempts.graft(merge.tools, meeting, match)
+        if not same_place(merge.comparison.T_receiver_donor, T, merge.site.about_m):  # what spoke for it no longer does
             self._enter(merge.merge_id, source, chain, merge.tools, grafted, merge.site, sent)
             merge = standing.attached[source]
             with standing.own.naming():
@@ -157,10 +158,12 @@ class Attachments:
             merge.replace(grafted)
 
     def _meeting(self, merge: Merge, sent: SentLayer) -> Meeting:
-        """Where the held layer meets the own one; as it was when it is still the same layer."""
+        """Where the held layer meets the own one, and where in it its map is; as it was when it is the same layer."""
         if merge.meeting is not None and merge.meeting.provenance == sent.provenance:
             return merge.meeting
-        return self.standing.attempts.meet(merge.tools, self.standing.own.receive(sent))
+        donation = self.standing.own.receive(sent)
+        merge.site = Site.of(self.standing.own.own_metadata(), self._metadata(donation))
+        return self.standing.attempts.meet(merge.tools, donation)
 
     def _metadata(self, donation: Donation) -> MapMetadata:
         own, other = self.standing.own.map_type, donation.layer.map_type

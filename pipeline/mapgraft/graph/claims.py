@@ -21,6 +21,7 @@ RANK: Final[Mapping[State, int]] = {"provisional": 0, "confirmed": 1, "reverted"
 MOST_SUPPORT: Final = 12.0  # nats: nobody is surer than that, either way
 MOST_NAME_BYTES: Final = 400  # a robot's name of 100 letters
 MOST_TEXT_BYTES: Final = 1000
+PERSON: Final = "person"  # who decided, where that was no robot
 MOST_COUNTED: Final = 1 << 32  # corrections of one map
 REMEMBERED: Final = 4096  # claims that were read: in one process many robots hear the same
 _STATES: Final[tuple[State, ...]] = ("provisional", "confirmed", "reverted")
@@ -55,10 +56,11 @@ class Claim:
     """What the receiver says of one merge it made.
 
     ``epoch`` is the n of the merge id, so that merging again after a revert is a new epoch, which what is told late of
-    the older one cannot undo. ``revision`` rises with every change within it. ``T_receiver_donor`` is in fixed point,
-    ``covariance`` in the receiver's frame, to first order, None where nobody knows. ``support`` is the log-odds (nats)
-    that the merge is right, as the receiver judges now, within ±12. ``stamp_ns`` is data time, ``by`` who decided.
-    ``corrections`` tells how often the receiver's and the donor's maps had been corrected when the transform was found.
+    the older one cannot undo; it is more where another robot of the same name has told of merges, too. ``revision``
+    rises with every change within it. ``T_receiver_donor`` is in fixed point, ``covariance`` in the receiver's frame,
+    to first order, None where nobody knows. ``support`` is the log-odds (nats) that the merge is right, as the receiver
+    judges now, within ±12. ``stamp_ns`` is data time, ``by`` who decided. ``corrections`` tells how often the
+    receiver's and the donor's maps had been corrected when the transform was found.
     The donor may write ``reverted`` of an epoch, too, and nobody else may write anything.
     """
 
@@ -94,13 +96,18 @@ class Claim:
 
     @property
     def merge_id(self) -> str:
-        """The id that the merge has in the receiver's history."""
+        """The id that the merge has in the receiver's history, if nobody else has told of merges under its name."""
         return f"{self.receiver.name}.{self.donor.name}.{self.epoch}"
 
     @property
     def is_active(self) -> bool:
         """Whether the merge stands."""
         return self.state != "reverted"
+
+    @property
+    def is_decided(self) -> bool:
+        """Whether a person said that the merge is right: no robot takes it back."""
+        return self.is_active and self.by == PERSON
 
     def corrections_of(self, end: Source) -> int:
         """How often the map of one of its two ends had been corrected when the transform was found."""

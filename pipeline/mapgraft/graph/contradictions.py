@@ -10,11 +10,11 @@ from typing import Final
 from mapgraft.attempt import Meeting
 from mapgraft.contracts import MapError, Transform
 from mapgraft.errors import PluginError
-from mapgraft.graph.book import Grounds
 from mapgraft.graph.chains import Similarity, seen_from
 from mapgraft.graph.claims import MOST_SUPPORT, Claim, Claims, Edge, Source
 from mapgraft.graph.consistency import Explanation
 from mapgraft.graph.held import Layers
+from mapgraft.graph.loops import Loop
 from mapgraft.graph.trial import try_out
 from mapgraft.merge import Merge
 from mapgraft.refusals import NEAR_M, NEAR_RAD
@@ -82,10 +82,10 @@ class Contradictions:
         except (MapError, PluginError):
             return None
 
-    def reverted(self, merge: Merge, grounds: Grounds, explanation: Explanation) -> None:
-        """An own merge was taken out because of others: remember which."""
-        mine = [loop for loop in explanation.loops if not loop.consistent and grounds.claim in loop.claims]
-        others = [frozenset(_named(one) for one in loop.claims if one.edge != grounds.claim.edge) for loop in mine]
+    def reverted(self, merge: Merge, stood: Claim, loops: Iterable[Loop]) -> None:
+        """An own merge was taken out because of others: remember which, of the ``loops`` with its claim as it stood."""
+        mine = [loop for loop in loops if not loop.consistent and stood in loop.claims]
+        others = [frozenset(_named(one) for one in loop.claims if one.edge != stood.edge) for loop in mine]
         self._because[merge.merge_id] = (merge.donor, others)
 
     def lift(self, claims: Claims) -> None:

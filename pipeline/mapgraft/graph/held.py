@@ -27,7 +27,10 @@ class Layers(Protocol):
 
 
 class HeldLayers:
-    """Whole layers in memory; a join: whatever the order in which they come, the newest of each source is kept."""
+    """Whole layers in memory; a join: whatever the order in which they come, the newest of each source is kept.
+
+    Of two robots that are called the same the one with the smaller writer is the source.
+    """
 
     __slots__ = ("_held", "changes")
 
@@ -36,14 +39,21 @@ class HeldLayers:
         self.changes = 0
 
     def add(self, sent: SentLayer) -> bool:
-        """Keep a layer if it is newer than what is held."""
+        """Keep a layer if it is newer than what is held, or its source's by better right."""
         source = Source(sent.provenance.source, sent.provenance.epoch)
         held = self._held.get(source)
-        if held is not None and held.provenance.version >= sent.provenance.version:
+        if held is not None and _rank(held) <= _rank(sent):
             return False
         self._held[source] = sent
         self.changes += 1
         return True
+
+    def belongs(self, source: Source, writer: bytes) -> None:
+        """A source is that writer's: forget what is held of it by one of a larger id."""
+        held = self._held.get(source)
+        if held is not None and held.writer > writer:
+            del self._held[source]
+            self.changes += 1
 
     def version(self, source: Source) -> int | None:
         return self._held[source].provenance.version if source in self._held else None
@@ -57,3 +67,8 @@ class HeldLayers:
 
     def __iter__(self) -> Iterator[Source]:
         return iter(sorted(self._held))
+
+
+def _rank(sent: SentLayer) -> tuple[bytes, int]:
+    """Of two layers of one source the smaller rank is kept."""
+    return sent.writer, -sent.provenance.version

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
-from mapgraft.contracts import Verdict
+from mapgraft.contracts import Transform, Verdict
 from mapgraft.decision import DecisionTable
 from mapgraft.graph.attached import Attachments
 from mapgraft.graph.book import Grounds
 from mapgraft.graph.chains import Chain, best_chains
-from mapgraft.graph.claims import Claim, Claims, Edge, Source, State, is_covariance
+from mapgraft.graph.claims import PERSON, Claim, Claims, Edge, Source, State, is_covariance
 from mapgraft.graph.consistency import Explanation, Settings, explain
 from mapgraft.graph.contradictions import Contradictions, is_contradicted
 from mapgraft.graph.held import HeldLayers
+from mapgraft.graph.loops import find_loops
 from mapgraft.merge import Merge
 from mapgraft.persons import Hand
 from mapgraft.refusals import Refusal
@@ -22,8 +23,16 @@ from mapgraft.standing import Grounds as Reasons
 from mapgraft.standing import Standing
 
 CONSISTENCY: Final = "consistency"
+NAMESAKE: Final = "namesake"
 NEWS: Final = 1.0  # nats by which the support of a merge must move before it is told again
 Through = Literal["confirmed", "provisional", "none"]
+
+
+class Doubt(NamedTuple):
+    """Why a claim of others is not believed, and of whose layer it was found out."""
+
+    source: Source
+    reason: str
 
 
 @dataclass(slots=True)
@@ -31,7 +40,7 @@ class Member:
     """The claims and layers that one robot has heard of, its own among them, and what it makes of them.
 
     ``through`` says by which merges of others layers are attached. ``disbelieved`` are claims of others, by edge, epoch
-    and corrections, that own observations have contradicted, with the reason.
+    and corrections, that own observations have contradicted.
     """
 
     me: Source
@@ -42,9 +51,10 @@ class Member:
     settings: Settings = field(default_factory=Settings)
     claims: Claims = field(default_factory=Claims)
     layers: HeldLayers = field(default_factory=HeldLayers)
-    disbelieved: dict[tuple[Edge, int, tuple[int, int]], str] = field(default_factory=dict)
+    disbelieved: dict[tuple[Edge, int, tuple[int, int]], Doubt] = field(default_factory=dict)
     attachments: Attachments = field(init=False)
     contradictions: Contradictions = field(init=False)
+    _written: set[tuple[Edge, int, Transform]] = field(default_factory=set)  # what it told of own merges, by epoch
     _disputed: dict[Edge, int] = field(default_factory=dict)
     _explained: tuple[int, Explanation] = (-1, Explanation())
     _known: tuple[object, ...] = ()
@@ -58,17 +68,44 @@ class Member:
         """Bring the claims about the robot's own merges up to date."""
         merges = {_donor_of(merge): merge for merge in self.standing.by_donor.values()}
         for donor, merge in sorted(merges.items()):
-            known, n = self.claims.of(self.me, donor), _number_of(merge)
-            if known is None or known.epoch < n:
-                self.claims.add(_claim(self.me, donor, merge, n, 0, stamp_ns))
-            elif known.epoch == n and known.is_active and _is_news(known, merge):
-                self.claims.add(_claim(self.me, donor, merge, n, known.revision + 1, stamp_ns))
+            known = self.claims.of(self.me, donor)
+            if known is not None and self._is_anothers(known, merge):
+                merge.epoch = known.epoch + 1
+            if known is None or known.epoch < merge.epoch:
+                self._tell(donor, merge, 0, stamp_ns)
+            elif known.is_active and _is_news(known, merge):
+                self._tell(donor, merge, known.revision + 1, stamp_ns)
         for claim in self.claims.active():
-            stands = claim.donor in merges and _number_of(merges[claim.donor]) == claim.epoch
-            if claim.receiver == self.me and not stands:
-                ended = self.standing.ended.get(claim.donor.name)
-                by, reason = (ended.by, ended.reason) if ended else ("", "")
-                self.claims.add(_reverted(claim, stamp_ns, by, reason))
+            if claim.receiver == self.me and claim.donor not in merges:
+                self.claims.add(_reverted(claim, stamp_ns, *self._why_ended(claim)))
+
+    def _tell(self, donor: Source, merge: Merge, revision: int, stamp_ns: int) -> None:
+        """Write another revision of the claim about an own merge."""
+        claim = _claim(self.me, donor, merge, revision, stamp_ns)
+        self._written.add((claim.edge, claim.epoch, claim.T_receiver_donor))
+        self.claims.add(claim)
+
+    def _has_written(self, claim: Claim) -> bool:
+        """Whether a claim says, or takes back, what this robot has told of a merge of its own."""
+        return (claim.edge, claim.epoch, claim.T_receiver_donor) in self._written
+
+    def _is_anothers(self, known: Claim, merge: Merge) -> bool:
+        """Whether what is known of an own merge is not for it to obey: it is told anew, in an epoch of its own.
+
+        Another robot of the same name has written it, or a donor that had not heard what a person confirmed.
+        """
+        if known.epoch != merge.epoch:
+            return known.epoch > merge.epoch
+        if not self._has_written(known):
+            return True
+        return not known.is_active and (merge.decided_by_person or known.by == NAMESAKE)
+
+    def _why_ended(self, claim: Claim) -> tuple[str, str]:
+        """Who ended an own merge that was told of, and why."""
+        if not self._has_written(claim):
+            return NAMESAKE, f"another robot is called {self.me.name}, too, and has told it"
+        ended = self.standing.ended.get(claim.donor.name)
+        return (ended.by, ended.reason) if ended else ("", "")
 
     def heard(self, stamp_ns: int) -> None:
         """Draw the consequences of what is known now: revert, attach, detach.
@@ -79,9 +116,9 @@ class Member:
         known = self._state()
         if known == self._known and not self.standing.doubted:
             return
-        self.contradictions.lift(self.claims)
         self.contradictions.settle(self.explanation())
         explanation = self._settled(stamp_ns)
+        self.contradictions.lift(self.claims)
         self._tell_disputes(explanation, stamp_ns)
         self._attach(explanation, stamp_ns)
         while self._doubt(stamp_ns):
@@ -112,10 +149,26 @@ class Member:
         """The robot is about to merge a layer at first hand: a source counts once."""
         self.attachments.detach(donor, "it is merged at first hand now", stamp_ns)
 
+    def belongs(self, source: Source, writer: bytes, stamp_ns: int) -> None:
+        """A source is that writer's: what stands of it by others, whom it was taken for, goes, and refuses nothing."""
+        self.layers.belongs(source, writer)
+        reason = f"it is the map of another robot that is called {source.name}"
+        merge, attached = self.standing.by_donor.get(source.name), self.standing.attached.get(source)
+        if merge is not None and _donor_of(merge) == source and merge.writer > writer:
+            self.standing.revert(merge, stamp_ns, Reasons(reason, NAMESAKE), refuse=False)
+        if attached is not None and attached.writer > writer:
+            self.attachments.detach(source, reason, stamp_ns)
+        self.publish(stamp_ns)
+        ended = self.standing.ended.get(source.name)
+        if ended is not None and ended.donor == source:  # it tells of the other one's cells
+            del self.standing.ended[source.name]
+        doubts = {named: doubt for named, doubt in self.disbelieved.items() if doubt.source != source}
+        self.disbelieved = doubts
+
     def _state(self) -> tuple[object, ...]:
         standing = tuple(sorted(merge.merge_id for merge in self.standing.all))
-        own = self.standing.reversal.version
-        return self.claims.version, self.layers.changes, len(self.disbelieved), own, standing
+        own, refused = self.standing.reversal.version, self.standing.attempts.refusals.changes
+        return self.me, self.claims.version, self.layers.changes, len(self.disbelieved), refused, own, standing
 
     def _settled(self, stamp_ns: int) -> Explanation:
         """Revert what cannot stand, as far as it is this robot's affair, until nothing more follows."""
@@ -140,7 +193,7 @@ class Member:
         """Where own cells have spoken against a merge, they speak against the other robot's merge there, too."""
         for ended in self.standing.ended.values():
             claim = self.claims.of(ended.donor, self.me)
-            if claim is None or not claim.is_active or not ended.against > 0.0:
+            if claim is None or not claim.is_active or claim.is_decided or not ended.against > 0.0:
                 continue
             if is_contradicted(claim, self.me, ended, self.settings.margin):
                 self.claims.add(_reverted(claim, stamp_ns, ended.by, f"{ended.merge_id} was there, and {ended.reason}"))
@@ -150,19 +203,23 @@ class Member:
         claim = grounds.claim
         if claim.receiver == self.me:
             merge = self.standing.by_donor.get(claim.donor.name)
-            if merge is not None and _number_of(merge) == claim.epoch and not merge.decided_by_person:
+            if merge is not None and merge.epoch == claim.epoch and not merge.decided_by_person:
                 told = Reasons(_said(grounds, merge), CONSISTENCY, evidence=_measured(grounds, merge))
                 self.standing.revert(merge, stamp_ns, told)
-                self.contradictions.reverted(merge, grounds, explanation)
-        elif claim.donor == self.me:
+                self.contradictions.reverted(merge, claim, explanation.loops)
+        elif claim.donor == self.me and not claim.is_decided:
             self.claims.add(_reverted(claim, stamp_ns, CONSISTENCY, grounds.sentence))
 
     def _obey(self, claim: Claim, stamp_ns: int) -> None:
         """The donor has taken back a merge that stands here."""
         merge = self.standing.by_donor.get(claim.donor.name)
-        if merge is None or _number_of(merge) != claim.epoch or merge.decided_by_person:
+        if merge is None or merge.epoch != claim.epoch or merge.decided_by_person:
             return
+        stood = _claim(self.me, claim.donor, merge, claim.revision, stamp_ns)
         self.standing.revert(merge, stamp_ns, Reasons(f"{claim.donor.name} says: {claim.reason}", claim.by))
+        if claim.by == CONSISTENCY:  # who speaks first makes no difference to how long the place is refused
+            loops = find_loops((*self.claims.active(), stood), self.settings.tolerance)
+            self.contradictions.reverted(merge, stood, loops)
 
     def _tell_disputes(self, explanation: Explanation, stamp_ns: int) -> None:
         """Say once of each own merge that it is in dispute."""
@@ -212,8 +269,8 @@ class Member:
         for end in claim.edge:
             if claim.corrections_of(end) < self._latest.get(end, 0):
                 return f"{claim.merge_id} was found before {end.name}'s map was corrected"
-        if why := self.disbelieved.get((claim.edge, claim.epoch, claim.corrections)):
-            return f"{claim.merge_id} is not believed: {why}"
+        if doubt := self.disbelieved.get((claim.edge, claim.epoch, claim.corrections)):
+            return f"{claim.merge_id} is not believed: {doubt.reason}"
         if claim.receiver != self.me and claim.state != "confirmed" and self.through != "provisional":
             return f"{claim.merge_id} is not confirmed"
         return ""
@@ -247,7 +304,7 @@ class Member:
     def _disbelieve(self, merge: Merge, chain: Chain, verdict: Verdict, stamp_ns: int) -> None:
         foreign = [claim for claim in chain.claims if claim.receiver != self.me]
         weakest = min(reversed(foreign), key=lambda claim: claim.support)
-        self.disbelieved[weakest.edge, weakest.epoch, weakest.corrections] = verdict.reason
+        self.disbelieved[weakest.edge, weakest.epoch, weakest.corrections] = Doubt(_donor_of(merge), verdict.reason)
         refusal = Refusal(merge.merge_id, tuple(merge.stood), merge.match.score)
         self.standing.attempts.refusals.add(merge.donor, refusal)
         said = f"{weakest.merge_id}, the least supported merge that led to {merge.donor}: {verdict.reason}"
@@ -271,20 +328,15 @@ def _donor_of(merge: Merge) -> Source:
     return Source(merge.provenance.source, merge.provenance.epoch)
 
 
-def _number_of(merge: Merge) -> int:
-    return int(merge.merge_id.rpartition(".")[2])
-
-
-def _claim(me: Source, donor: Source, merge: Merge, epoch: int, revision: int, stamp_ns: int) -> Claim:
+def _claim(me: Source, donor: Source, merge: Merge, revision: int, stamp_ns: int) -> Claim:
     state: State = "confirmed" if merge.state == "confirmed" else "provisional"
     T, match = merge.comparison.T_receiver_donor, merge.match
-    by = "person" if merge.decided_by_person else merge.tools.procedure.verify.use
+    by = PERSON if merge.decided_by_person else merge.tools.procedure.verify.use
     known = match.covariance is not None and is_covariance((match.covariance + match.covariance.T) / 2.0)
     where = (T, match.scale, match.covariance if known else None)
     support, corrections = merge.support, merge.corrections
-    return Claim(
-        me, donor, epoch, state, revision, *where, support=support, stamp_ns=stamp_ns, by=by, corrections=corrections
-    )
+    what = (me, donor, merge.epoch, state, revision, *where)
+    return Claim(*what, support=support, stamp_ns=stamp_ns, by=by, corrections=corrections)
 
 
 def _is_news(known: Claim, merge: Merge) -> bool:

@@ -53,3 +53,7 @@ class Host(Protocol):
     def renamed(self, source: Source, stamp_ns: int) -> None:
         """Another robot of the same name has it by right: this one is that other source from now on."""
         ...
+
+    def belongs(self, source: Source, writer: bytes, stamp_ns: int) -> None:
+        """Another writer than until now turns out to be a source: what came from others as its is none of its."""
+        ...

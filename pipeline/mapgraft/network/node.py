@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -27,9 +27,11 @@ from mapgraft.network.wire import (
     Want,
     decode,
 )
+from mapgraft.network.writers import NOBODY, Writers
 
 MOST_TRIES: Final = 10  # times that the same is asked for in one contact
 MOST_PEERS: Final = 4096
+MOST_SHARED: Final = 64  # sources of which a peer is told that several robots say that they are it
 
 
 class Outgoing(NamedTuple):
@@ -67,6 +69,10 @@ class Question:
     version: int = 0
     plain: bool = False
 
+    def awaits(self, peer: str, since_ns: int) -> bool:
+        """Whether that peer was asked for what it offers itself, and asked or heard after some time."""
+        return bool(self.offer) and self.peer == peer and self.asked_ns > since_ns
+
     def due_ns(self, patience_ns: int) -> int:
         """When to ask again: each time twice as long after the last word, for whoever answers slowly is not deaf."""
         return self.asked_ns + (patience_ns << (self.tries - 1))
@@ -84,24 +90,27 @@ class Node:
     host: Host
     patience_ns: int = 0
     replica: Replica = field(default_factory=Replica)
+    writers: Writers = field(default_factory=Writers)
     peers: dict[str, Peer] = field(default_factory=dict)
     outbox: list[Outgoing] = field(default_factory=list)
     wake_ns: int | None = None
     unreadable: int = 0  # messages
-    namesakes: set[Source] = field(default_factory=set)  # sources of which two robots say that they are it
     _questions: dict[Copy, Question] = field(default_factory=dict)
     _asked: dict[tuple[Copy, str], int] = field(default_factory=dict)  # since which hello of that peer
+    _spread: set[Source] = field(default_factory=set)  # those shared by several robots of which all here were told
     meetings: Meetings | None = None  # where robots see each other
     gossip: Gossip = field(init=False)
 
     def __post_init__(self) -> None:
         self.gossip = Gossip(self.host.claims)
+        self.writers.hear(self.source, self.writer)
 
     def greeting(self, peer: str) -> Hello:
         """What to say to a peer on contact; what comes before it is in the outbox. Raises what the map type raises."""
         known = self.peers.get(peer)
         if self.meetings is not None:
             self._say(peer, *self.meetings.greeting(self.source, peer, known.source if known else None))
+        self._say(peer, *self._namesakes(self.writers.shared))
         own, others, news = self.gossip.hello(peer, self.source, known.source if known else None)
         return Hello(self.writer, self.host.offer(), own, others, news)
 
@@ -123,7 +132,8 @@ class Node:
                 case Met() if self.meetings is not None:
                     self._say(sender, *self.meetings.heard(self.source, sender, message, now_ns))
                 case Namesake():
-                    self._named_alike(message.source, message.writer, now_ns)
+                    self._writes(message.source, message.writer, now_ns, of_several=True)
+                    self._wake(now_ns + self.patience_ns)
         except UnreadableError:
             self.unreadable += 1
 
@@ -138,6 +148,9 @@ class Node:
         self.wake_ns = None
         here = [peer for peer in neighbours if peer in self.peers]
         self._tell_news(here)
+        for peer in here:
+            self._say(peer, *self._namesakes(self.writers.shared - self._spread))
+        self._spread |= self.writers.shared
         is_quiet = len(self.outbox) == before
         self._ask_again(now_ns, here)
         if is_quiet:
@@ -156,6 +169,9 @@ class Node:
             while self.gossip.has_news_for(peer):
                 self._say(peer, Told(self.gossip.news_for(peer)))
 
+    def _namesakes(self, shared: Collection[Source]) -> Iterator[Namesake]:
+        return (Namesake(source, self.writers.of(source)) for source in sorted(shared)[:MOST_SHARED])
+
     def said(self) -> list[Outgoing]:
         """Empty the outbox."""
         told, self.outbox = self.outbox, []
@@ -164,11 +180,13 @@ class Node:
     def _greeted(self, sender: str, hello: Hello, size: int, now_ns: int) -> None:
         offer = _offer(hello.offer)
         source = Source(offer.provenance.source, offer.provenance.epoch)
-        if self._is_namesake(sender, source, hello.writer, now_ns):
+        if (source, hello.writer) == (self.source, self.writer):
+            return  # its own voice
+        if not self._writes(source, hello.writer, now_ns):
+            self._say(sender, Namesake(source, self.writers.of(source)))
             return
         if sender not in self.peers and len(self.peers) >= MOST_PEERS:
             return
-        self.replica.belongs_to(source, hello.writer)
         self.peers[sender] = Peer(source, hello.writer, hello.offer, offer.provenance.version, now_ns)
         self._learn(hello.claims, now_ns)
         self._say(sender, *self.gossip.heard(sender, self.source, source, hello))
@@ -183,14 +201,14 @@ class Node:
             self._consider(copy, Question(sender, now_ns, offer), now_ns)
             return
         question = self._questions.get(copy)
-        if question is not None and question.offer and now_ns < question.asked_ns + self.patience_ns:
+        if question is not None and question.awaits(sender, now_ns - self.patience_ns):
             question.offer = offer  # it is on its way already
             return
         self._ask(copy, sender, now_ns, offer)
 
     def _ask(self, copy: Copy, peer: str, now_ns: int, offer: bytes = b"") -> None:
         self._questions[copy] = Question(peer, now_ns, offer)
-        self._say(peer, self.replica.wish(copy))
+        self._say(peer, self.replica.wish(copy, writer=self.writers.of(copy.source)))
 
     def _ask_again(self, now_ns: int, here: Sequence[str]) -> None:
         for copy, question in sorted(self._questions.items()):
@@ -201,7 +219,7 @@ class Node:
 
     def _repeat(self, copy: Copy, question: Question, now_ns: int) -> None:
         question.asked_ns, question.tries, question.came = now_ns, question.tries + 1, set()
-        self._say(question.peer, self.replica.wish(copy, question.plain))
+        self._say(question.peer, self.replica.wish(copy, question.plain, self.writers.of(copy.source)))
 
     def _ask_for(self, source: Source, now_ns: int, here: Sequence[str]) -> None:
         """Ask for a third robot's layer: itself where it is here, else everybody who is, one after the other."""
@@ -220,6 +238,7 @@ class Node:
 
     def _asked_for(self, sender: str, want: Want, now_ns: int) -> None:
         """Answer from what is held; what is the robot's own is cut as it is now."""
+        self._writes(want.copy.source, want.writer, now_ns)
         if want.copy.source == self.source:
             try:
                 self._publish(want.copy, now_ns)
@@ -245,6 +264,9 @@ class Node:
             return
         if parts.head is not None:
             _check(copy, parts.head)
+            if not self._writes(copy.source, parts.head.writer, now_ns):
+                self._nothing_new(copy, question, "", now_ns)  # it is another robot's of that name
+                return
         question.size += size
         question.asked_ns = now_ns  # it is coming: patience begins anew
         if parts.head is None:
@@ -298,50 +320,43 @@ class Node:
             self._get(Copy(copy.source, "layer"), question.peer, question.offer, now_ns)
 
     def _learn(self, claims: Sequence[bytes], now_ns: int) -> None:
-        if self.gossip.learn(claims):
+        changed = self.gossip.learn(claims)
+        if any(claim.receiver == self.source and claim.is_active for claim in changed):  # which only this robot writes
+            self.writers.hear(self.source, self.writer, of_several=True)
+        if changed:
             self._wake(now_ns + self.patience_ns)
 
-    def _is_namesake(self, sender: str, source: Source, writer: bytes, now_ns: int) -> bool:
-        """Whether a hello comes from the second of two robots that say they are one source; it is told so.
+    def _writes(self, source: Source, writer: bytes, now_ns: int, of_several: bool = False) -> bool:
+        """Take note of who writes as a source; False where that source is another robot.
 
-        The one with the smaller writer is that source. This robot takes another epoch where it is not.
+        Where another one was taken for it until now, what came from that one is none of its; where this robot was, it
+        is another source from now on.
         """
-        if source == self.source:
-            if writer == self.writer:
-                return True  # its own voice
-            self._named_alike(source, writer, now_ns)
+        before = self.writers.of(source)
+        if not self.writers.hear(source, writer, of_several):
+            return False
+        if before not in (NOBODY, self.writers.of(source)):
             if source == self.source:
-                self._say(sender, Namesake(source, self.writer))
-                return True
-            return False
-        known = [peer.writer for peer in self.peers.values() if peer.source == source and peer.writer != writer]
-        known += [head.writer for head in self._heads(source) if head.writer != writer]
-        if not known:
-            return False
-        self.namesakes.add(source)
-        if min(known) < writer:
-            self._say(sender, Namesake(source, min(known)))
-            return True
-        return False
+                self._rename(now_ns)
+            self.replica.belongs_to(source, writer)
+            self.peers = {name: peer for name, peer in self.peers.items() if peer.source != source}
+            self._asked = {asked: ns for asked, ns in self._asked.items() if asked[0].source != source}
+            self.host.belongs(source, writer, now_ns)
+            self._wake(now_ns + self.patience_ns)
+        return True
 
-    def _heads(self, source: Source) -> list[Head]:
-        heads = [self.replica.head(Copy(source, aspect)) for aspect in ("layer", "preview")]
-        return [head for head in heads if head is not None]
-
-    def _named_alike(self, source: Source, writer: bytes, now_ns: int) -> None:
-        """Another robot says that it is this source: the one with the larger writer becomes another."""
-        self.namesakes.add(source)
-        if source != self.source or writer >= self.writer:
-            return
-        name = base_name(source.name)
+    def _rename(self, now_ns: int) -> None:
+        """Another robot is this source by right: be the next one of the name that nobody has heard of."""
+        name = base_name(self.source.name)
         epoch = 1 + max(one.epoch for one in self._known() if base_name(one.name) == name)
         self.source = Source(life_name(name, epoch), epoch)
+        self.writers.hear(self.source, self.writer)
         self.host.renamed(self.source, now_ns)
 
     def _known(self) -> set[Source]:
         """All sources that this robot has heard of, its own among them."""
         met = {peer.source for peer in self.peers.values()} | {copy.source for copy in self.replica.copies}
-        return met | {end for claim in self.host.claims for end in claim.edge} | {self.source}
+        return met | {end for claim in self.host.claims for end in claim.edge} | {self.source} | self.writers.sources
 
     def _wake(self, at_ns: int) -> None:
         self.wake_ns = at_ns if self.wake_ns is None else min(at_ns, self.wake_ns)

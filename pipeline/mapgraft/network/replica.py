@@ -11,7 +11,7 @@ from mapgraft.contracts import MapError
 from mapgraft.exchange import Form
 from mapgraft.graph.claims import Source
 from mapgraft.network.held import Held, Taken, messages_of, raw
-from mapgraft.network.wire import ASPECTS, Copy, Head, Parts, Piece, Want
+from mapgraft.network.wire import ASPECTS, WRITER, Copy, Head, Parts, Piece, Want
 
 MOST_COPIES: Final = 4096
 
@@ -58,16 +58,19 @@ class Replica:
         held = self.copies.get(copy)
         return "" if held is None else held.conflict
 
-    def wish(self, copy: Copy, plain: bool = False) -> Want:
-        """What to ask for to get the newest version of a copy; what has come already is left out, as far as it fits."""
+    def wish(self, copy: Copy, plain: bool = False, writer: bytes = bytes(WRITER)) -> Want:
+        """What to ask for to get the newest version of a copy; what has come already is left out, as far as it fits.
+
+        ``writer`` is whose it is as far as is known, where nothing is held.
+        """
         held = self.copies.get(copy)
         if held is None or held.head is None:
-            return Want(copy, 0, plain=plain)
+            return Want(copy, 0, writer, plain)
         got = {} if plain else dict(sorted(held.got().items())[:_MOST_GOT])
         return Want(copy, held.version, held.head.writer, plain, got)
 
     def belongs_to(self, source: Source, writer: bytes) -> None:
-        """A source has been met: what is held of it by a writer of a larger id was another robot's of that name."""
+        """A source is that writer's: what is held of it by one of a larger id was another robot's of that name."""
         for aspect in ASPECTS:
             held = self.copies.get(Copy(source, aspect))
             if held is not None and held.head is not None and held.head.writer > writer:

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-from mapgraft.contracts import PreviewedType
+from mapgraft.contracts import Layer, MapError, PreviewedType
 from mapgraft.errors import FailedPluginError, PluginError
 from mapgraft.exchange import Form, Offer, SentLayer
 from mapgraft.graph.claims import Claims, Source
@@ -34,7 +34,21 @@ class RobotHost:
         return self.robot.offer()
 
     def cut(self, aspect: Aspect, stamp_ns: int) -> tuple[Form, Mapping[bytes, bytes]]:
-        return self.robot.cut(stamp_ns, preview=aspect == "preview")
+        """A map type that fails to cut it is complained of, and the layer goes as a whole."""
+        own = self.robot.own
+        layer = self._preview(stamp_ns) if aspect == "preview" else own.reversal.offered_layer()
+        try:
+            return own.cut(layer)
+        except (PluginError, MapError) as error:
+            self.robot.complain(error, stamp_ns)
+            return own.uncut(layer)
+
+    def _preview(self, stamp_ns: int) -> Layer:
+        try:
+            return self.robot.own.preview()
+        except PluginError as error:
+            self.robot.complain(error, stamp_ns)
+            raise MapError(str(error)) from error
 
     def wants(self, offer: bytes, size: int, stamp_ns: int) -> Wish:
         if not self.robot.wants(offer, size, stamp_ns):
@@ -65,6 +79,9 @@ class RobotHost:
     def renamed(self, source: Source, stamp_ns: int) -> None:
         self.robot.rename(source, f"another robot is called {base_name(source.name)}", stamp_ns)
 
+    def belongs(self, source: Source, writer: bytes, stamp_ns: int) -> None:
+        self.robot.belongs(source, writer, stamp_ns)
+
     def _has_preview(self, offer: Offer) -> bool:
         if offer.provenance.source in self.robot.merges:
             return False
@@ -79,7 +96,8 @@ class RobotHost:
 def sent_layer(whole: Whole, size: int) -> SentLayer:
     """What came, for the robot; unpacked when it is looked at."""
     offer = Offer.decode(whole.head.offer)
-    return SentLayer(offer.provenance, offer.metadata.type, whole.head.form, whole.parts, size, offer.corrections)
+    head, told = whole.head, offer.provenance
+    return SentLayer(told, offer.metadata.type, head.form, whole.parts, size, offer.corrections, head.writer)
 
 
 def node_of(robot: Robot, patience_ns: int, previews: bool, writer: bytes = b"") -> Node:
