@@ -26,7 +26,7 @@ def test_a_verdict_goes_with_where_a_merge_was_made_and_a_label_with_where_it_is
         Event(n, n, kind, "a", merge_id[2], merge_id=merge_id, state=state, T_receiver_donor=T)
         for n, (kind, merge_id, state, T) in enumerate(told)
     ]
-    write_rows(tmp_path, "events", "0" * 16, events_table(events))
+    write_rows(tmp_path, "events", "r0123456789abcdef", events_table(events))
     expected = [T.matrix.ravel().tolist() for T in (MADE, MOVED)]
     assert list(_transforms(tmp_path, "a.b.1")) == expected
     assert list(_transforms(tmp_path, "a.c.1")) == [ELSEWHERE.matrix.ravel().tolist()] * 2

@@ -128,7 +128,8 @@ def test_the_same_again(laboratory, experiment):
     told: list[tuple[int, int, int]] = []
     again = conduct(laboratory, lambda *counts: told.append(counts))
     drawn = sum(search.drawn for search in again.searches)
-    assert told[-1] == (len(again.merges), 12, drawn) and len(told) == drawn  # every pair moves it on
+    assert told[0] == (0, 12, 0) and told[-1] == (len(again.merges), 12, drawn)
+    assert len(told) == 1 + drawn  # every pair moves it on
     ours, theirs = parquet_files(experiment), parquet_files(again)
     assert ours.keys() == theirs.keys() == {"merges.parquet", "evidence.parquet", "verdicts.parquet", "times.parquet"}
     assert all(ours[name] == theirs[name] for name in ours if name != "times.parquet")
