@@ -46,7 +46,8 @@ def message() -> Run:
         with suppress(MapError):
             if kind in (b"m", b"w"):
                 found = decode(body if kind == b"m" else sealed(MAGIC + body))
-                assert decode(encode(found)) == found and kind_of(found)
+                told = encode(found)
+                assert encode(decode(told)) == told and kind_of(found)  # a direction that nobody knows is NaN
             elif kind == b"s":
                 claim = Claim.decode(body)
                 claims = Claims([claim, claim])
