@@ -124,6 +124,10 @@ def test_maps_that_are_unlike_take_the_guarantee_away(
         (["{folder}", "-o", "{tmp}/out", "--false-accept", "0"], "false-accept must be a rate between 0 and 1"),
         (["{folder}", "-o", "{tmp}/out", "--cost-miss", "-1"], "cost-miss must be above 0"),
         (["{folder}", "-o", "{tmp}/out", "--without", "a", "--without", "b"], "(800 left out by name)"),
+        (
+            ["{folder}", "-o", "{tmp}/out", "--without", "bb"],
+            "no example is of 'bb', which is to be left out: the buildings are a, b",
+        ),
         (["{folder}", "-o", "{tmp}/out", "--score", "no.such"], "no example tells the number no.such"),
         (["{folder}", "--collecting", "{tmp}/c.yaml"], "goes without examples"),
         (["--collecting", "{tmp}"], "--collecting {tmp}: that is a folder; name a file"),

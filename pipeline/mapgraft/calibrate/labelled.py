@@ -93,14 +93,16 @@ def read_labels(paths: Iterable[Path], *, without: Sequence[str] = (), held_back
 
     What a dataset has put aside for testing is not read unless ``held_back`` says so, from wherever it comes: neither
     the same example in another folder, nor another one of the same two maps. An example that several folders hold is
-    read once, with what was said of it in any of them. Raises UsageError when a folder cannot be read or there is no
-    example.
+    read once, with what was said of it in any of them. Raises UsageError when a folder cannot be read, there is no
+    example, or none is of a building that is to be left out.
     """
     folders = [ExampleFolder(path) for path in paths]
     labels, seen = Labels(folders=[folder.path.name for folder in folders]), set[ExampleKey]()
     words, aside = _said(folders), set() if held_back else _put_aside(folders)
+    buildings = set[str]()
     for folder in folders:
         for row in plain(folder.rows(list(_COLUMNS))).to_pylist():
+            buildings.update(row["environment"].split(BOTH))
             key = ExampleKey(row["run_id"], row["example_id"])
             if key in seen:
                 labels.counts["repeated"] += 1
@@ -112,6 +114,11 @@ def read_labels(paths: Iterable[Path], *, without: Sequence[str] = (), held_back
                 labels.counts["left out by name"] += 1
             else:
                 _add(labels, row, words.get(key, {}))
+    if unknown := sorted(set(without) - buildings):
+        raise UsageError(
+            f"no example is of {', '.join(map(repr, unknown))}, which is to be left out: the buildings are "
+            f"{', '.join(sorted(buildings)) or 'none'}"
+        )
     if again := len(labels.examples) - len({(example.group.rule, example.unit) for example in labels.examples}):
         labels.counts["of the same two maps as another"] = again
     if not labels.examples:
